@@ -39,7 +39,7 @@ from loopid.control import (
 )
 from loopid.identification import ForceModel
 from loopid.motion import JointMotion, scaled_bodies
-from tables import show, write_json
+from tables import parts_of, show, write_json
 
 KP, KD = np.array([5800.0, 5800, 5800, 65000]), np.array([400.0, 400, 400, 875])
 COULOMB, VISCOUS = np.array([17.0, 22, 19, 230]), np.array([300.0, 300, 300, 2000])
@@ -446,7 +446,7 @@ def main() -> None:
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     tables: dict[str, list[dict[str, Any]]] = {}
-    for part in arguments.parts or PARTS:
+    for part in parts_of(parser, arguments.parts, PARTS):
         tables[part] = []
         for row in PARTS[part](arguments):
             print(row, flush=True)

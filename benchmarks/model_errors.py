@@ -23,7 +23,7 @@ from loopid.identification.verdict import PARAMETERS
 from loopid.parameters import KINDS
 from loopid.workers import one_blas_thread
 from plants import DRIVES, Plant, Sensors
-from tables import show
+from tables import show, write_json
 
 CASES: dict[str, dict[str, float]] = {
     "clean": {},
@@ -83,6 +83,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the first run")
     parser.add_argument("--robot", choices=list(DRIVES), nargs="+", default=["five_bar", "ur5"])
     parser.add_argument("--case", choices=list(CASES), nargs="+", default=list(CASES))
+    parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     rows: list[dict[str, Any]] = []
@@ -94,6 +95,8 @@ def main() -> None:
             means = {what: float(np.mean([each[what] for each in every])) for what in every[0]}
             rows.append({"robot": name, "case": case, **means})
     show(f"errors of models, {arguments.runs} runs a row", rows)
+    if arguments.json:
+        write_json(arguments.json, {"errors": rows})
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import json
+from collections.abc import Iterable
 from math import isfinite, nan
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,15 @@ from rich.table import Table
 
 # Characters, whatever the terminal: figures cut short are no use in a log file.
 WIDEST = 200
+
+
+def parts_of(parser: argparse.ArgumentParser, given: list[str], known: Iterable[str]) -> list[str]:
+    """Parts of a benchmark that were asked for, by default all; an unknown one ends it."""
+    every = [*known]
+    for part in given:
+        if part not in every:
+            parser.error(f"unknown part {part!r}: choose among {', '.join(every)}")
+    return given or every
 
 
 def show(title: str, rows: list[dict[str, Any]]) -> None:

@@ -1,12 +1,12 @@
 """What a closed pose costs, and how many a browser shows while a slider is dragged.
 
-    python benchmarks/viewer.py [ROBOT...]
+    python benchmarks/viewer.py [--json FILE] [ROBOT ...]
 
 Needs Chromium or Chrome on the PATH, viser and playwright.
 """
 
+import argparse
 import shutil
-import sys
 import time
 import warnings
 from typing import Any
@@ -16,6 +16,7 @@ import numpy as np
 import loopid
 from loopid.view.scene import Pose
 from loopid.view.viewer import BROWSERS, Viewer
+from tables import show, write_json
 
 WARM, SECONDS = 10.0, 5.0  # of a drag while shaders are compiled, and of what is counted
 OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -89,13 +90,17 @@ def cost(viewer: Any) -> float:
 
 def main() -> None:
     """Print a line a robot."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("robots", nargs="*", default=["3ups_rpu", "delta"])
+    parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
+    arguments = parser.parse_args()
     from playwright.sync_api import sync_playwright
 
+    rows: list[dict[str, Any]] = []
     program = next(filter(None, map(shutil.which, BROWSERS)))
-    print(f"{'robot':20} ms a pose  poses/s: sent  seen  frames/s  closed to (m)")
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=program, args=OPTIONS)
-        for name in sys.argv[1:] or ("3ups_rpu", "delta"):
+        for name in arguments.robots:
             with warnings.catch_warnings(action="ignore"):
                 robot = loopid.load(name)
             with Counting(robot) as viewer:
@@ -105,8 +110,12 @@ def main() -> None:
                 page.add_init_script(COUNT)
                 sent, seen, frames, off = drag(viewer, page)
                 page.close()
-            print(f"{robot.name:20} {own:9.1f} {sent:14.1f} {seen:5.1f} {frames:9.1f} {off:14.0e}")
+            sizes = {"ms a pose": own, "poses/s sent": sent, "seen": seen, "frames/s": frames}
+            rows.append({"robot": robot.name, **sizes, "closed to (m)": float(off)})
         browser.close()
+    show("poses of sliders in the viewer", rows)
+    if arguments.json:
+        write_json(arguments.json, {"poses": rows})
 
 
 if __name__ == "__main__":

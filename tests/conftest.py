@@ -403,4 +403,4 @@ def study(knee, knee_run, once):
 @pytest.fixture(scope="session")
 def paper(once):
     """The paper's reproduction from fewer samples and draws."""
-    return once("paper", lambda: quietly(reproduce_paper, rate=2.0))
+    return once("paper", lambda: quietly(reproduce_paper, rate=1.0))

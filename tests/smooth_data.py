@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+import scipy
 
 from loopid.identification import FitSamples
 from loopid.parameters import ParameterSet
@@ -23,7 +23,7 @@ def smooth_regressor(seed=0, samples=1000, dof=2, count=6, harmonics=4):
 def autoregressive(rng, shape, coefficient, lead=500):
     """Stationary errors of unit variance along the first axis."""
     white = rng.normal(size=(lead + shape[0], *shape[1:])) * np.sqrt(1 - coefficient**2)
-    return lfilter([1.0], [1.0, -coefficient], white, axis=0)[lead:]
+    return scipy.signal.lfilter([1.0], [1.0, -coefficient], white, axis=0)[lead:]
 
 
 def outliers(rng, shape, share=0.05, size=12.0):

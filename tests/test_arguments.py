@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import unwrap
 from pathlib import Path
 from typing import Literal
 
@@ -60,7 +61,7 @@ def test_what_is_annotated_is_taken_and_the_rest_refused(words):
         return value
 
     for value in sound:
-        taken = function(value)
+        taken = unwrap(function(value))
         assert taken == (tuple(value) if isinstance(value, list) else value) or taken == value
     for value in wrong:
         with pytest.raises(OptionError, match=r"^value must be ") as refused:
@@ -168,6 +169,37 @@ def test_sizes_beyond_all_use_are_refused_before_work_begins(knee, ask, name):
     with pytest.raises(OptionError) as refused:
         ask(knee)
     assert refused.value.facts["argument"] == name
+
+
+def test_what_users_wrote_calls_as_users_do(knee):
+    """Their functions and classes, inside of what is checked, are refused in plain words too."""
+    refused = r"robot must be of type Robot, not 'knee'"
+
+    @checked
+    def function(call: Callable[[], object], other: Callable[[], object] | None = None) -> None:
+        call()
+
+    function(lambda: None)
+    with pytest.raises(OptionError, match=refused):
+        function(lambda: mobility("knee"))
+    with pytest.raises(OptionError, match=refused):
+        structural_observation(knee, progress=lambda *_: mobility("knee"))
+
+    class Careless(loopid.base_parameters.SearchStrategy):
+        name = "careless"
+
+        def _search(self, problem):
+            return mobility("knee")
+
+    observed = structural_observation(knee)
+    with pytest.raises(OptionError, match=refused):
+        loopid.base_parameters.find_base(observed, Careless())
+
+
+def test_results_that_users_make_are_checked_and_may_be_infinite():
+    with pytest.raises(OptionError, match="value must be a number"):
+        loopid.identification.Estimate("far", 0.1, (0, 1), "kg", "arm.m")
+    assert loopid.identification.Estimate(1, 0.1, (0, np.inf), "kg", "arm.m").interval[1] == np.inf
 
 
 @checked_late

@@ -145,3 +145,23 @@ def test_the_yaml_of_a_page_is_valid(page):
         schemas = [file_schema(kind) for kind in ("robot", "mapping", "motions")]
         schema = max(schemas, key=lambda each: len(each["properties"].keys() & content.keys()))
         jsonschema.validate(content, {**schema, "required": []})
+
+
+@pytest.mark.parametrize("script", ["excitation", "control"])
+def test_an_unknown_part_of_a_benchmark_is_refused_with_those_there_are(
+    script, monkeypatch, capsys
+):
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    monkeypatch.setattr("sys.argv", [script, "--json", "figures.json", "no_such_part"])
+    with pytest.raises(SystemExit) as end:
+        run_path(str(ROOT / "benchmarks" / f"{script}.py"), run_name="__main__")
+    assert end.value.code == 2
+    assert "unknown part 'no_such_part': choose among" in capsys.readouterr().err
+
+
+def test_benchmarks_write_their_figures_to_a_file():
+    """All but what others call, and what simulates a log."""
+    called = ("peers_", "plants", "figures", "example_", "compiled_", "measuring", "tables")
+    for script in (ROOT / "benchmarks").glob("*.py"):
+        if not script.name.startswith(called):
+            assert '"--json"' in script.read_text(), script.name

@@ -10,6 +10,7 @@ import builtins
 import sys
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager
 from dataclasses import is_dataclass
 from functools import cache, wraps
 from inspect import isfunction, signature, unwrap
@@ -32,6 +33,7 @@ from typing import (
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -58,7 +60,10 @@ def _array(kinds: str, what: str) -> PlainValidator:
         if values.dtype.kind not in kinds and values.size:
             values = _real(values, "")
             raise DataError(f"must be {what}, not {values.dtype}")
-        return values
+        # NumPy takes an empty list for one of floats, which choose no rows.
+        return (
+            values if values.dtype.kind in kinds else values.astype(bool if kinds == "b" else int)
+        )
 
     return PlainValidator(taken)
 
@@ -85,6 +90,7 @@ LARGEST = 1e100
 # Random configurations, motions or samples of one call: more are a slip of the hand.
 MOST_SAMPLES = 10_000_000
 Count = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
+NOT_EMPTY = Field(min_length=1)  # of a sequence
 
 
 # Arrays and numbers.
@@ -208,6 +214,29 @@ def shaped(array: ArrayLike, name: str, *shape: int) -> FloatArray:
     return values
 
 
+def chosen(entries: ArrayLike | slice, name: str, count: int) -> Any:
+    """Which of some entries are meant, by a mask (count,), their numbers (k,) or a slice."""
+    if isinstance(entries, slice):
+        return entries
+    given = np.asarray(entries)
+    if not given.size:
+        return np.zeros(0, dtype=np.int64)
+    if given.dtype == bool:
+        known, what = given.shape == (count,), f"a mask of shape {(count,)}"
+    else:
+        known = given.ndim == 1 and given.min() >= -count and given.max() < count
+        what = f"a list of whole numbers from 0 to {count - 1}"
+    if not known:
+        said = given.shape if given.dtype == bool or given.ndim != 1 else given.tolist()
+        raise DataError(f"{name} must be {what}, not {said!s:.60}", argument=name, given=said)
+    return given
+
+
+def numbers_of(entries: Iterable[int], name: str, count: int) -> list[int]:
+    """Numbers of some entries among so many, as Python has them."""
+    return [int(k) for k in chosen([*entries], name, count)]
+
+
 def for_each(array: ArrayLike, name: str, count: int) -> FloatArray:
     """Finite numbers (count,), of which one may stand for all."""
     values = finite(array, name)
@@ -240,20 +269,32 @@ def checked(thing: Any) -> Any:
     return _with_checks(thing, _checked) if isinstance(thing, type) else _checked(thing)
 
 
-def checked_late(thing: type[R]) -> type[R]:
-    """The same of a class whose methods are called once a sample: they are so where these fail.
+def checked_outside(thing: type[R]) -> type[R]:
+    """The same of results: those that loopid makes are not looked at, and may be infinite."""
+    return _with_checks(thing, _checked, result=True)
+
+
+@overload
+def checked_late(thing: type[R]) -> type[R]: ...
+@overload
+def checked_late(thing: Callable[P, R]) -> Callable[P, R]: ...
+def checked_late(thing: Any) -> Any:
+    """The same of what is called once a sample, as a class's methods: they are so where these fail.
 
     Such methods look at their arrays themselves, before they change anything.
     """
-    return _with_checks(thing, _checked_late)
+    late = isinstance(thing, type)
+    return _with_checks(thing, _checked_late) if late else _checked_late(thing)
 
 
-def _with_checks(owner: type[R], check: Callable[[Any, type], Any]) -> type[R]:
+def _with_checks(
+    owner: type[R], check: Callable[[Any, type], Any], result: bool = False
+) -> type[R]:
     for name, member in [*vars(owner).items()]:
         bound = isinstance(member, classmethod | staticmethod)
         own = member.__func__ if bound else member
         if (name == "__init__" or name[0] != "_") and isfunction(own):
-            made = (_checked if name == "__init__" else check)(own, owner)
+            made = _checked(own, owner, result) if name == "__init__" else check(own, owner)
             setattr(owner, name, type(member)(made) if bound else made)
     return owner
 
@@ -261,7 +302,30 @@ def _with_checks(owner: type[R], check: Callable[[Any, type], Any]) -> type[R]:
 _calls = threading.local()  # whether a thread is inside a function that is checked
 
 
-def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P, R]:
+@contextmanager
+def of_user() -> Iterator[None]:
+    """What users wrote is called in here: what it calls is checked, as all that users call."""
+    inside, _calls.inside = getattr(_calls, "inside", False), False
+    try:
+        yield
+    finally:
+        _calls.inside = inside
+
+
+def _as_of_user(function: Callable[P, R]) -> Callable[P, R]:
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        with of_user():
+            return function(*args, **kwargs)
+
+    return call
+
+
+def _checked(
+    function: Callable[P, R], owner: type | None = None, result: bool = False
+) -> Callable[P, R]:
+    made = function.__name__ == "__init__"
+
     @cache  # made by the first call: importing loopid does not wait for it
     def validated() -> Callable[P, tuple[Any, Any]]:
         @wraps(function)
@@ -274,16 +338,16 @@ def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P,
             names |= vars(sys.modules[base.__module__])
         names |= unwrap(function).__globals__
         hints = get_type_hints(taken, {}, names, include_extras=True)
+        if not made:  # a field stays what it is
+            hints = {name: _called_back(hint) for name, hint in hints.items()}
         taken.__annotations__ = {name: _instances(hint) for name, hint in hints.items()}
-        config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
+        config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=result)
         return validate_call(config=config)(taken)
-
-    trusting = function.__name__ != "__init__"
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         inside = getattr(_calls, "inside", False)
-        if inside and trusting:
+        if inside and (result or not made):
             return function(*args, **kwargs)
         try:
             args, kwargs = validated()(*args, **kwargs)
@@ -306,7 +370,7 @@ def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P,
     return call
 
 
-def _checked_late(function: Callable[P, R], owner: type) -> Callable[P, R]:
+def _checked_late(function: Callable[P, R], owner: type | None = None) -> Callable[P, R]:
     checked_call = _checked(function, owner)
 
     @wraps(function)
@@ -379,6 +443,14 @@ def _instances(hint: Any) -> Any:
     whole = (list if kind in several[3:] else kind)[tuple(map(_instances, parts))]
     apart = (list, tuple, str, bytes) + (Mapping, Set) * (kind not in several[3:])
     return Annotated[whole, BeforeValidator(_listed(apart))] if kind in several else whole
+
+
+def _called_back(hint: Any) -> Any:
+    """The annotation of a function that users may give, whose calls are theirs."""
+    parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    if {get_origin(each) or each for each in parts} - {NoneType} == {Callable}:
+        return Annotated[hint, AfterValidator(lambda f: f if f is None else _as_of_user(f))]
+    return hint
 
 
 def _no_text(given: Any) -> Any:

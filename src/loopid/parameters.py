@@ -11,7 +11,7 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import IntArray
+from loopid.arguments import IntArray, numbers_of
 from loopid.errors import OptionError
 from loopid.records import record
 
@@ -139,7 +139,8 @@ class ParameterSet:
 
     def select(self, columns: Iterable[int]) -> ParameterSet:
         """The parameters of some columns, in the order given."""
-        return ParameterSet(tuple(self.parameters[int(j)] for j in columns))
+        own = numbers_of(columns, "columns", len(self))
+        return ParameterSet(tuple(self.parameters[j] for j in own))
 
     def __add__(self, other: ParameterSet) -> ParameterSet:
         return ParameterSet(self.parameters + other.parameters)

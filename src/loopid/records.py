@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, fields
 from functools import wraps
 from html import escape
 from reprlib import Repr
-from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, dataclass_transform, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arguments import checked
+from loopid.arguments import checked, checked_outside
 from loopid.errors import MissingExtraError
 
 if TYPE_CHECKING:
@@ -33,9 +33,13 @@ _texts.maxother, _texts.maxstring, _texts.maxtuple, _texts.maxlist, _texts.maxdi
 @overload
 def record(cls: Class) -> Class: ...
 @overload
-def record(*, kw_only: bool = False, checked: bool = False) -> Callable[[Class], Class]: ...
+def record(
+    *, kw_only: bool = False, checked: bool | Literal["outside"] = False
+) -> Callable[[Class], Class]: ...
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def record(cls: Any = None, *, kw_only: bool = False, checked: bool = False) -> Any:
+def record(
+    cls: Any = None, *, kw_only: bool = False, checked: bool | Literal["outside"] = False
+) -> Any:
     """Make a class a frozen dataclass of values.
 
     Its arrays are read-only; those that are not yet are copied. Records are equal when their
@@ -46,9 +50,9 @@ def record(cls: Any = None, *, kw_only: bool = False, checked: bool = False) -> 
     ----------
     kw_only : bool
         Whether all fields are given by their names.
-    checked : bool
+    checked : bool or "outside"
         Whether fields, and arguments of public methods, are checked against their annotations, as
-        ``arguments.checked`` does.
+        ``arguments.checked`` does; "outside" where loopid makes many, as ``checked_outside``.
 
     Examples
     --------
@@ -65,9 +69,11 @@ def record(cls: Any = None, *, kw_only: bool = False, checked: bool = False) -> 
     return _record(cls, kw_only, checked)
 
 
-def _record(cls: type, kw_only: bool, is_checked: bool) -> type:
+def _record(cls: type, kw_only: bool, checks: bool | Literal["outside"]) -> type:
     made: Any = dataclass(frozen=True, eq=False, repr=False, kw_only=kw_only)(cls)
-    init = (checked(made) if is_checked else made).__init__
+    if checks:
+        made = (checked_outside if checks == "outside" else checked)(made)
+    init = made.__init__
 
     @wraps(init)
     def initialise(self: Any, *args: Any, **kwargs: Any) -> None:

@@ -76,7 +76,7 @@ def placing(path: Path, but: Sequence[str] = ()) -> Iterator[None]:
     except LoopidError as error:
         facts = error.facts
         word, keys, line = facts.get("given"), facts.get("keys"), None
-        if path.suffix not in ENDINGS or "line" in facts:
+        if path.suffix not in ENDINGS or "line" in facts or not path.is_file():
             raise
         if keys is None and isinstance(word, str):
             node = YAML(typ="safe", pure=True).compose(path.read_text("utf-8"))
@@ -85,6 +85,8 @@ def placing(path: Path, but: Sequence[str] = ()) -> Iterator[None]:
         if not keys or keys[0] in but or (line := line_of(path, keys)) is None:
             raise
         key, said = ".".join(map(str, keys)), str(error).removeprefix(f"{path}: ")
+        for each in keys:  # which the sentence need not begin with
+            said = said.removeprefix(f"{each}: ")
         more = {"key": key, **facts, "line": line}
         raise type(error)(f"{path}: line {line}, {key}: {said}", **more) from error
 
@@ -111,15 +113,16 @@ def _words(node: Any, keys: tuple[str | int, ...] = ()) -> Iterator[_Word]:
         yield _Word(node.value, keys, node.start_mark.line + 1, is_key=False)
 
 
-def _repetition(text: str) -> str:
-    """Which key stands in two lines."""
+def _repetition(text: str, error: DuplicateKeyError) -> str:
+    """Which key stands in two lines; of keys that are written in two ways where the second is."""
     lines = dict[tuple[str | int, ...], int]()
     for word in _words(YAML(typ="safe", pure=True).compose(text)):
         if word.is_key and word.keys in lines:
             return f"line {word.line}: key {word.text!r:.60} stands in line {lines[word.keys]} too"
         if word.is_key:
             lines[word.keys] = word.line
-    return "a key stands in it twice"
+    line = error.problem_mark.line + 1
+    return f"line {line}: a key stands there that its section has already, written otherwise"
 
 
 def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYTES) -> Any:
@@ -143,7 +146,7 @@ def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYT
     except _BoundError as error:
         raise failure(f"{path}: {error}") from error
     except DuplicateKeyError as error:
-        raise failure(f"{path}: {_repetition(text)}") from error
+        raise failure(f"{path}: {_repetition(text, error)}") from error
     except OSError as error:
         raise failure(f"{path} cannot be read: {error.strerror}") from error
     except (YAMLError, ValueError, ArithmeticError, LookupError) as error:

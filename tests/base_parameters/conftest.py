@@ -24,6 +24,12 @@ def knee_base(knee_observation):
 
 
 @pytest.fixture(scope="session")
+def papers_choice(knee_observation, once):
+    """That of the subgroup search."""
+    return once("papers_choice", lambda: find_base(knee_observation, "subgroup"))
+
+
+@pytest.fixture(scope="session")
 def observe_robot(write_robot, table):
     """Gravity observation of a knee robot of any geometry, with strokes of its own."""
 

@@ -6,9 +6,9 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+import scipy
 from choice_problems import parameters
 from hypothesis import given, strategies as st
-from scipy.spatial.transform import Rotation
 
 import loopid
 from loopid.base_parameters import SEARCHES, RankTolerances, find_base
@@ -113,7 +113,8 @@ def test_forces_of_a_loop_whose_rank_is_unclear_are_right():
     """Seven hinges askew and a rigid closure: singular values fall without a gap."""
     rng, model, last = np.random.default_rng(0), pin.Model(), 0
     for k in range(7):
-        turn, place = Rotation.random(rng=rng).as_matrix(), rng.normal(size=3) * 0.3
+        turn = scipy.spatial.transform.Rotation.random(rng=rng).as_matrix()
+        place = rng.normal(size=3) * 0.3
         last = model.addJoint(last, pin.JointModelRZ(), pin.SE3(turn, place), f"hinge{k}")
         body = pin.Inertia.FromSphere(rng.uniform(0.5, 3), 0.1)
         model.appendBodyToJoint(last, body, pin.SE3(np.eye(3), rng.normal(size=3) * 0.1))

@@ -9,7 +9,6 @@ from bank_robots import few_of
 from loopid.base_parameters import find_base
 from loopid.errors import AccuracyWarning
 from loopid.loading.files import bundled_directory
-from loopid.paper.symbolic import Geometry, base_parameter_rows
 
 CONFIGURATIONS = [
     (robot, number)
@@ -20,6 +19,8 @@ CONFIGURATIONS = [
 
 def symbolic_matrix(geometry, labels):
     """Coefficients (15, 36) of the symbolic table."""
+    from loopid.paper.symbolic import Geometry, base_parameter_rows  # slow to import
+
     numeric = Geometry.from_degrees(**geometry)
     rows = [row.coefficients(numeric) for row in base_parameter_rows()]
     return np.array([[row.get(label, 0.0) for label in labels] for row in rows])

@@ -62,7 +62,9 @@ def test_neither_the_order_nor_the_choice_of_motors_decides(load_files):
         assert np.abs(apart).max() < 1e-9
 
 
-@pytest.mark.parametrize(("name", "count"), [("five_bar", 2), ("four_bar", 3)])
+@pytest.mark.parametrize(
+    ("name", "count"), few_of([("five_bar", 2), ("four_bar", 3)], ("four_bar", 3))
+)
 def test_copies_side_by_side_know_as_much_as_each(name, count, tmp_path, load_once):
     single = load_once(name)
     together = loopid.load(copies(bundled_directory() / f"{name}.yaml", count, tmp_path))

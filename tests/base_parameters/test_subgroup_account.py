@@ -98,10 +98,8 @@ def test_rows_are_called_as_the_columns_of_the_result():
     assert tuple(sorted(choice)) == base.search.dependent
 
 
-def test_page_terminal_and_json_say_the_same(knee):
-    base = loopid.base_parameters.find_base(
-        loopid.regressors.structural_observation(knee), "subgroup"
-    )
+def test_page_terminal_and_json_say_the_same(knee, papers_choice):
+    base = papers_choice
     report = base_report(knee, "gravity", base)
     told, account = report.record["search"]["subgroups"], base.search.subgroups
     page = report.page().html()

@@ -76,12 +76,12 @@ def test_a_log_that_says_nothing_is_refused(identify, table, change, words):
 
 
 def test_what_looks_wrong_is_said(identify, table):
-    rows = table[1].copy()
+    rows = table[1][:1200].copy()
     times([4], -1.0)(rows)
     put(slice(200, 203), 2, np.nan)(rows)
     done = identify(rows, "--cutoff", "8", "--terms", "Fc,Fv")
     assert (
-        "no number in right_crank_joint.position in rows 202, 203, 204 of 2241: left out"
+        "no number in right_crank_joint.position in rows 202, 203, 204 of 1200: left out"
         in said(done)
     )
     assert done.code == 0

@@ -15,6 +15,7 @@ from loopid.export import write_first_files
 from loopid.export.first_files import file_schema
 from loopid.kinematics import mobility
 from loopid.loading.files import bundled_directory
+from made_runs import ARM
 
 COMMANDS = typer.main.get_command(app).commands
 
@@ -138,3 +139,60 @@ def test_shells_complete_robots_joints_models_and_terms(tmp_path, monkeypatch):
     assert completion.models("g") == ["gravity"]
     assert "Fc,Fv" in completion.terms("Fc,F")
     assert "file" in completion.terms("f")
+
+
+def test_what_a_mapping_advises_is_in_the_words_of_who_asks(run, tmp_path):
+    """And of a robot whose motors are not known, joints without forces are not asked for."""
+    log = tmp_path / "run.csv"
+    log.write_text("time,left_crank_joint_pos,left_crank_joint_torque\n0,1,2\n0.1,2,3\n")
+    _, mapping = write_first_files("five_bar", log, folder=tmp_path / "python")
+    assert 'lock=["right_crank_joint"]' in mapping.read_text()
+    assert run("init", "five_bar", log, "--out", tmp_path / "command").code == 0
+    text = (tmp_path / "command" / "five_bar_mapping.yaml").read_text()
+    assert "--lock right_crank_joint" in text
+    assert "lock=" not in text
+
+
+def test_joints_that_have_forces_in_the_log_are_the_motors(open_bar, run):
+    robot, (free, held) = loopid.load("five_bar"), ("left_coupler_joint", "right_coupler_joint")
+    log = open_bar.parent / "run.csv"
+    names = [f"{joint}.{what}" for what in ("position", "force") for joint in robot.actuated]
+    rows = np.column_stack([np.arange(9), *np.zeros((4, 9))])
+    np.savetxt(log, rows, delimiter=",", header=",".join(["time", *names]), comments="")
+    yaml, mapping = write_first_files(open_bar, log, folder=open_bar.parent)
+    assert read(yaml.read_text())["name_mot"] == [*robot.actuated]
+    assert [*read(mapping.read_text())["force"]] == [*robot.actuated]
+    _, mapping = write_first_files(open_bar, folder=open_bar.parent / "without")
+    assert not {free, held} & {*mapping.read_text().replace(":", " ").split()}
+
+
+ARM_LOG = "--rate 50 --noise 0.05 --terms Fc=0.4,Fv=0.3"
+
+
+LONG = [pytest.param(kind, marks=pytest.mark.validate) for kind in ("bundled", "open loop")]
+
+
+@pytest.mark.parametrize("kind", ["serial", *LONG])
+def test_the_commands_that_init_prints_work_as_they_stand(kind, open_bar, run, monkeypatch):
+    """The log for ``identify`` is simulated along the motion that ``excite`` writes."""
+    monkeypatch.chdir(open_bar.parent)
+    monkeypatch.setattr("loopid.view.viewer.Viewer.wait", lambda viewer: None)
+    if kind == "serial":
+        (open_bar.parent / "arm.urdf").write_text(ARM)
+    file = {"bundled": "five_bar", "serial": "arm.urdf", "open loop": open_bar.name}[kind]
+    if kind == "open loop":  # who names no motors has no motion of them
+        log = bundled_directory() / "logs" / "five_bar.csv"
+    else:
+        log = open_bar.parent / "run.csv"
+        drawn = run("excite", file, "--model", "full", "--max-speed", "2", "--out", "first",
+                    "--evaluations", "20", "--max-acceleration", "10")  # fmt: skip
+        assert drawn.code == 0, drawn.err
+        made = run("simulate", file, "first/motion.yaml", *ARM_LOG.split(), "--out", log)
+        assert made.code == 0, made.err
+    done = run("init", file, log)
+    assert done.code == 0, done.err
+    commands = [line for line in done.out.splitlines() if line.startswith("  loopid ")]
+    assert [line.split()[1] for line in commands] == ["check", "view", "base", "excite", "identify"]
+    for line in commands:
+        found = run(*shlex.split(line)[1:])
+        assert found.code == 0, f"{line}: {found.err}"

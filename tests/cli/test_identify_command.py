@@ -240,14 +240,14 @@ def test_no_progress_bar_is_drawn_where_no_terminal_is(run, arm_files):
         (("--model", "half"), ["'half'", "gravity", "full"]),
         (("--train", "0"), ["between 0 and 1", "0"]),
         (("--train", "1.5"), ["between 0 and 1", "1.5"]),
-        (("--train", "nan"), ["fraction", "nan"]),
+        (("--train", "nan"), ["--train", "nan"]),
         (("--cutoff", "-1"), ["cutoff", "above 0"]),
         (("--cutoff", "1000"), ["cut-off", "half the sample rate"]),
         (("--mapping", "nowhere.yaml"), ["nowhere.yaml"]),
         (("--validate", "nowhere.csv"), ["nowhere.csv"]),
         (("--friction-log", "nowhere.csv"), ["nowhere.csv"]),
         (("--lock", "knee"), ["knee", "shoulder"]),
-        (("--jobs", "0"), ["n_jobs", "0"]),
+        (("--jobs", "0"), ["--jobs", "0"]),
     ],
 )
 def test_wrong_options_are_refused_in_one_sentence(run, arm_files, options, words):

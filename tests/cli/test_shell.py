@@ -39,6 +39,11 @@ COMMANDS = GROUP.commands
         ("excite", "collisions=False", "--no-collisions"),
         ("predict", 'say where it is, robot="FILE"', "say where it is, --robot FILE"),
         ("check", 'springs: terms="file" has', "springs: loopid base --terms file has"),
+        # An argument that is refused, by the option that it was given by.
+        ("identify", "fraction must be between 0 and 1", "--train must be between 0 and 1"),
+        ("simulate", "gaussian must be 0 or more", "--noise must be 0 or more"),
+        ("excite", "speeds must be above 0", "--max-speed must be above 0"),
+        ("predict", "fraction must be below 1", "fraction must be below 1"),
         # What no command has an option for stays as it is.
         ("check", 'instruments="W"', 'instruments="W"'),
         ("check", "nodes=3, tied=False", "nodes=3, tied=False"),
@@ -53,6 +58,17 @@ COMMANDS = GROUP.commands
 def test_advice_in_words_of_python_is_shown_in_those_of_the_command(command, said, shown):
     context = typer.Context(COMMANDS[command], parent=typer.Context(GROUP))
     assert in_options(said, context) == shown
+
+
+def test_a_motion_that_is_advised_is_of_the_robot_and_the_model_of_the_command():
+    context = typer.Context(COMMANDS["identify"], parent=typer.Context(GROUP))
+    context.params = {"file": "leg.yaml", "logs": ["a b.csv"], "out": "found", "model": "auto"}
+    context.params |= {"lock": ["toe"], "tied": True, "rounding": None, "terms": "auto"}
+    shown = in_options("excite it: design_motion with parameters=['hip.Fc', 'hip.Fo']", context)
+    assert shown == (
+        "excite it: loopid excite leg.yaml --for hip.Fc --for hip.Fo --terms auto --lock toe "
+        "--tied --after 'a b.csv'"
+    )
 
 
 def strings(tree):

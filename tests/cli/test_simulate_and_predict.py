@@ -108,6 +108,14 @@ def test_a_leg_that_stands_is_not_shaken_in_the_log_of_the_knee_robot(run, tmp_p
     assert jumps.mean() < 0.01  # where it starts or ends to creep
 
 
+@pytest.mark.parametrize("option", ["rate", "noise", "encoder-step", "cad-error", "seed"])
+@pytest.mark.parametrize("value", ["-1", "nan", "inf"])
+def test_numbers_that_mean_nothing_are_refused_in_one_sentence(run, tmp_path, option, value):
+    found = run("simulate", "five_bar", f"--{option}={value}", "--out", tmp_path / "run.csv")
+    assert (found.code, "Traceback" in found.err) == (2, False)
+    assert not (tmp_path / "run.csv").exists()
+
+
 def test_no_log_takes_the_place_of_the_robot_or_its_motion(run, tmp_path):
     given = {}
     for name in ("five_bar.urdf", "five_bar.yaml", "five_bar_motions.yaml"):
@@ -182,7 +190,7 @@ def test_a_robot_that_moved_is_asked_for(saved, run, tmp_path):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_payload_of_two_logs(five_bar, run, run_json, tmp_path):
-    plan = loopid.motion.read_motion_program("five_bar").motion("sweep", 50)
+    plan = loopid.motion.read_motion_program("five_bar").motion("sweep", 20)
     motion = loopid.motion.joint_motion(five_bar, plan)
     first = five_bar.parameters("full").labels.index("left_coupler.m")
     for name, mass in (("light", 0.0), ("heavy", 1.5)):

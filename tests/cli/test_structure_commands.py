@@ -319,7 +319,7 @@ def test_a_search_out_of_time_is_not_certified(both, run, run_json):
     assert record["rank"] == whole["rank"]
     done = run(*options, "--time-limit", "0")
     assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
-    assert "time_limit must be" in done.err
+    assert "--time-limit must be" in done.err
 
 
 # Every robot of docs/mechanisms.md

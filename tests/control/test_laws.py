@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+import scipy
 
 import loopid
 from loopid.control import (
@@ -102,7 +102,9 @@ def test_the_loop_moves_as_forward_dynamics(five_bar):
         h = other.inverse(u, v, np.zeros(2))
         return np.append(v, np.linalg.solve(other.mass_matrix(u), push - h))
 
-    exact = solve_ivp(rate, (0, 0.199), np.append(start, [0, 0]), rtol=1e-8, atol=1e-10)
+    exact = scipy.integrate.solve_ivp(
+        rate, (0, 0.199), np.append(start, [0, 0]), rtol=1e-8, atol=1e-10
+    )
     way = np.abs(exact.y[:2, -1] - start).max()
     assert way > 0.01
     assert np.abs(run.position[-1] - exact.y[:2, -1]).max() < 0.02 * way

@@ -68,8 +68,8 @@ def test_a_payload_without_noise_is_found_to_round_off(case):
 def test_paths_and_a_robot_are_taken_as_recordings_and_a_model(load_once, tmp_path):
     robot, path = load_once("five_bar"), tmp_path / "run.csv"
     rows = Path("urdf/logs/five_bar.csv").read_text().splitlines()
-    path.write_text("\n".join([rows[0], *rows[200:1000], ""]))
-    log, part = (loopid.read_log(path, robot, rows=rows) for rows in (None, (1, 700)))
+    path.write_text("\n".join([rows[0], *rows[200:700], ""]))
+    log, part = (loopid.read_log(path, robot, rows=rows) for rows in (None, (1, 400)))
     model = loopid.force_model(robot, "full")
     light, heavy = (quietly(loopid.prepare, robot, each) for each in (log, part))
     options = {"link": "right_coupler", "estimator": "ols"}

@@ -45,7 +45,7 @@ def point(given, size):
     [
         ("five_bar", "full", ("Fc", "Fv"), 0.3),
         ("five_bar", "gravity", (), 0.3),
-        ("3ups_rpu", "gravity", (), 0.02),
+        pytest.param("3ups_rpu", "gravity", (), 0.02, marks=pytest.mark.validate),
         ("3ups_rpu", "full", (), 0.02),
     ],
 )
@@ -98,8 +98,14 @@ def test_collisions_are_distances_between_links(tmp_path):
         assert not Collisions(robot, q).pairs
 
 
-@pytest.mark.parametrize("name", ["ur_description/urdf/ur5_robot", "ur_description/urdf/ur10_robot",
-                                  "xarm_description/urdf/xarm7"])  # fmt: skip
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ur_description/urdf/ur5_robot",
+        pytest.param("ur_description/urdf/ur10_robot", marks=pytest.mark.validate),
+        pytest.param("xarm_description/urdf/xarm7", marks=pytest.mark.validate),
+    ],
+)
 def test_hulls_hold_the_meshes_of_arms_and_no_more(robot_data, name):
     """A point is as far from a hull as from a plane before it at least, from a vertex at most."""
     file = robot_data / f"{name}.urdf"

@@ -12,7 +12,9 @@ from loopid.errors import DataError
 
 def test_a_design_that_gained_nothing_is_refused_with_advice(load_once):
     model = loopid.force_model(load_once("four_bar"), "full", None)
-    options = DesignOptions(duration=4.0, starts=1, evaluations=3, size=2, solver="slsqp")
+    options = DesignOptions(
+        duration=4.0, starts=1, evaluations=1, size=2, solver="slsqp", noise=0.1
+    )
     found = loopid.design_motion(model, options=options)
     assert found.gain > 0
     none = replace(found, errors_before=found.standard_errors)
@@ -28,5 +30,7 @@ def test_a_gain_is_over_the_start_that_solvers_leave_as_it_was(load_once, solver
     if solver == "ipopt":
         pytest.importorskip("ipyopt")
     model = loopid.force_model(load_once("four_bar"), "full", None)
-    options = DesignOptions(duration=4.0, starts=1, evaluations=10, rate=50.0, solver=solver)
+    options = DesignOptions(
+        duration=4.0, starts=1, evaluations=6, rate=20.0, solver=solver, noise=0.1
+    )
     assert loopid.design_motion(model, options=options).gain > 1.5

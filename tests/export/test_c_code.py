@@ -2,6 +2,7 @@
 
 import ctypes
 import importlib.util
+import re
 import shutil
 import subprocess
 import sys
@@ -358,12 +359,12 @@ def test_what_is_not_finite_is_told(compiled):
     assert robot.call("start", u * np.nan) == 2
 
 
-def test_values(tmp_path):
+def test_values():
     found = force_model("five_bar", "full")
     values = found.prior + np.arange(len(found.prior)) / 7
-    robot = CompiledRobot(found, c_source(found, values=values), tmp_path, STRICT)
-    kept = (ctypes.c_double * len(values)).in_dll(robot.library, "five_bar_values")
-    np.testing.assert_array_equal(np.array(kept), values)
+    source = c_source(found, values=values).source
+    kept = re.search(r"five_bar_values\[[^]]*\] = \{(.*?)\};", source, re.DOTALL)[1]
+    np.testing.assert_array_equal([float(each) for each in kept.split(",")], values)
 
 
 # From motor signals.
@@ -405,10 +406,10 @@ def test_motions_close_or_are_refused(tmp_path, robot):
     """Short ways close; longer ones end where Python's assembly does, or are refused."""
     found = force_model(robot, "gravity", ())
     mechanism, code = found.robot, c_source(found)
-    q = random_configurations(mechanism, 500, seed=2)
+    q = random_configurations(mechanism, 200, seed=2)
     u, generator = motor_positions(mechanism, q), np.random.default_rng(3)
     refused = 0
-    for steps in (1, 2, 3):
+    for steps in (1, 3):
         flags = (*STRICT, f"-D{code.name.upper()}_NEWTON_STEPS={steps}")
         call = CompiledRobot(found, code, tmp_path / str(steps), flags)
         for way in (1e-6, 1e-3, 1e-1):
@@ -424,7 +425,7 @@ def test_motions_close_or_are_refused(tmp_path, robot):
 
 
 def test_lost_samples(compiled):
-    found = force_model("3ups_rpu", "gravity")
+    found = force_model("five_bar", "full")
     robot = compiled(found)
     u, q = drive(found.robot, 200, 1e-4)
     robot.call("start", u[0].copy())
@@ -439,7 +440,7 @@ def test_lost_samples(compiled):
         assert robot.call("assemble", u[k].copy()) == 0
         np.testing.assert_allclose(robot.state.q, q[k], atol=1e-9)
     # Too many are lost for one part.
-    far, there = drive(found.robot, 20, 2e-3, seed=1)
+    far, there = drive(found.robot, 20, 2e-2, seed=1)
     assert robot.call("assemble", far[-1].copy()) == 2
     assert robot.call("follow", far[-1].copy()) == 0
     np.testing.assert_allclose(robot.state.q, there[-1], atol=1e-9)
@@ -493,7 +494,10 @@ def test_angles_on_a_circle_go_the_short_way(compiled, tmp_path):
 
 @pytest.mark.parametrize(
     ("robot_name", "kind"),
-    few_of([("3ups_rpu", "full"), ("delta", "gravity")], ("delta", "gravity")),
+    few_of(
+        [("3ups_rpu", "full"), ("delta", "gravity"), ("five_bar", "gravity")],
+        ("five_bar", "gravity"),
+    ),
 )
 def test_the_observer_is_that_of_python(robot_name, kind, compiled):
     """With friction and rotors, also where the bodies of the model stand still."""

@@ -1,6 +1,5 @@
 """Random consistent bodies; the same problem written down anew for cvxpy."""
 
-import cvxpy as cp
 import numpy as np
 
 from loopid.inertia import parameters_of, pseudo_inertia
@@ -32,6 +31,8 @@ def shaken(parameters, values, size, seed):
 
 def expression(phi, columns):
     """Pseudo-inertia of ten entries of an expression."""
+    import cvxpy as cp  # slow to import
+
     m, x, y, z, xx, xy, yy, xz, yz, zz = (phi[int(j)] for j in columns)
     return cp.bmat(
         [
@@ -49,6 +50,8 @@ def fitted(base, R, start, deviations, spread):
     ``R`` (r + 1, r + 1) are the weighted data, ``start`` (p,) the file, ``deviations`` (bodies,)
     and ``spread`` (k,) those of bodies and joint terms.
     """
+    import cvxpy as cp  # slow to import
+
     parameters = base.parameters
     own, phi = body_columns(parameters), cp.Variable(len(parameters))
     cost = 0.5 * cp.sum_squares(R[:-1, :-1] @ (base.matrix @ phi) - R[:-1, -1])

@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given, strategies as st
 from scipy.linalg import block_diag, toeplitz
-from scipy.signal import butter, lfilter, sosfiltfilt
 
 from loopid.identification.correlation import (
     LARGEST_ORDER,
@@ -32,7 +32,7 @@ def model_of(reflected, variance=2.0):
 
 def long_covariances(model, count):
     """Autocovariances at lags 0 to count - 1, by summing the impulse response."""
-    response = lfilter([1.0], model.polynomial, np.append(1.0, np.zeros(20_000)))
+    response = scipy.signal.lfilter([1.0], model.polynomial, np.append(1.0, np.zeros(20_000)))
     total = [response[: len(response) - k] @ response[k:] for k in range(count)]
     return model.variance * np.array(total)
 
@@ -60,10 +60,12 @@ def test_products_of_spectra_are_those_with_the_dense_covariance(reflected, leng
     model = model_of(reflected)
     lags = long_covariances(model, 60)
     dense = block_diag(*(toeplitz(lags[:length]) for length in lengths))
-    spectra = Spectra.of(np.eye(60), pieces)
-    np.testing.assert_allclose(spectra.turned(spectra.densities(model)), dense, atol=1e-6 * lags[0])
-    covariance = spectra.covariance(spectra.densities(model))
-    np.testing.assert_allclose(covariance, dense, atol=1e-6 * lags[0])
+    for reach in (None, model.reach(60)):
+        spectra = Spectra.of(np.eye(60), pieces, reach)
+        turned = spectra.turned(spectra.densities(model))
+        np.testing.assert_allclose(turned, dense, atol=1e-6 * lags[0])
+        covariance = spectra.covariance(spectra.densities(model))
+        np.testing.assert_allclose(covariance, dense, atol=1e-6 * lags[0])
     present = np.arange(60) % 7 != 2
     variance = model.sum_variance(pairs_apart(present, pieces))
     assert variance == pytest.approx(present @ dense @ present, abs=1e-3 * lags[0])
@@ -72,7 +74,7 @@ def test_products_of_spectra_are_those_with_the_dense_covariance(reflected, leng
 def test_means_of_several_series_are_those_of_each():
     rng, pieces = np.random.default_rng(0), (slice(0, 300), slice(300, 400))
     used = rng.random(400) < 0.9
-    series = lfilter([1.0], [1.0, -0.8], rng.normal(size=(3, 400))) * used
+    series = scipy.signal.lfilter([1.0], [1.0, -0.8], rng.normal(size=(3, 400))) * used
     series[1] = 0.0
     found = means_of_series(series, used, pieces)
     alone = [means_of_series(each[None], used, pieces) for each in series]
@@ -88,7 +90,7 @@ def test_what_a_fit_takes_up_is_what_residuals_lack(reflected, seed):
     used = rng.random(60) < 0.8
     columns, _ = np.linalg.qr(rng.normal(size=(60, 4)) * used[:, None])
     polynomial = model_of(reflected).polynomial
-    residual = lfilter([1.0], polynomial, rng.normal(size=560))[500:]
+    residual = scipy.signal.lfilter([1.0], polynomial, rng.normal(size=560))[500:]
     errors = ErrorModel(columns, residual, used, pieces)
     model = errors.model
     lags = long_covariances(model, 40)
@@ -111,7 +113,7 @@ def test_impossible_covariances_end_at_the_limit():
 def test_the_order_and_model_are_found():
     rng = np.random.default_rng(0)
     truth = np.poly([0.9, 0.6 * np.exp(1j), 0.6 * np.exp(-1j)]).real
-    errors = lfilter([1.0], truth, rng.normal(size=21_000))[1000:]
+    errors = scipy.signal.lfilter([1.0], truth, rng.normal(size=21_000))[1000:]
     model = Autoregression.of_covariances(burg_covariances(errors, np.arange(1, 20_001)))
     expected = long_covariances(Autoregression.of_coefficients(-truth[1:], 1.0), 4)
     np.testing.assert_allclose(model.covariances[:4], expected, rtol=0.1)
@@ -125,7 +127,8 @@ def test_the_order_and_model_are_found():
 def test_models_of_filtered_errors_keep_the_slow_part(cutoff):
     # What matters to smooth motion: the variance of sums over long times, 1 before and after.
     rng = np.random.default_rng(1)
-    errors = sosfiltfilt(butter(2, cutoff, output="sos"), rng.normal(size=20_000))
+    lowpass = scipy.signal.butter(2, cutoff, output="sos")
+    errors = scipy.signal.sosfiltfilt(lowpass, rng.normal(size=20_000))
     covariances = burg_covariances(errors, np.arange(1, 20_001))
     model = Autoregression.of_covariances(covariances)
     assert model.order <= LARGEST_ORDER

@@ -395,7 +395,7 @@ def test_files_without_masses_get_bodies_with_the_base_parameters_of_least_squar
 def test_intervals_hold(name, noise, request):
     """Of robots about their file: 95 % intervals of values that rest on the file as well."""
     case, inside = request.getfixturevalue(name), []
-    for seed in range(20):
+    for seed in range(12):
         truth = shaken(case.base.parameters, case.truth, 0.12, seed)
         samples = case.samples(noise, seed, truth)
         found = consistent_fit(case.model, samples, noise_of(samples))

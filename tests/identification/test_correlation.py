@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 from scipy.linalg import block_diag, toeplitz
-from scipy.signal import butter, sosfiltfilt
 
 from bank_robots import few_of
 from loopid.errors import DataWarning
@@ -179,10 +179,11 @@ def test_intervals_cover_with_white_uniform_errors(runs):
 def test_intervals_cover_where_independence_fails(kind, plain_below, runs):
     W, rates, plain = smooth_regressor(samples=1000), [], []
     gaps = (np.arange(1000)[:, None] // 40 + np.arange(2)) % 4 > 0
+    lowpass = scipy.signal.butter(2, 0.4, output="sos")
     for seed in range(runs):
         rng = np.random.default_rng(seed)
         if kind == "filtered":
-            errors = sosfiltfilt(butter(2, 0.4, output="sos"), rng.normal(size=(1000, 2)), axis=0)
+            errors = scipy.signal.sosfiltfilt(lowpass, rng.normal(size=(1000, 2)), axis=0)
         else:
             errors = autoregressive(rng, (1000, 2), float(kind.split()[0]))
         used = gaps if "gaps" in kind else None

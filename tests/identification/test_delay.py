@@ -23,14 +23,15 @@ from loopid.identification.delay import (
 )
 from loopid.identification.fitting import quiet_fit
 from loopid.logs import Recording
-from loopid.logs.preparing import at_cutoff, prepare_again
+from loopid.logs.preparing import prepare_again
 from loopid.motion import scaled_bodies
-from made_runs import elastic, quietly, simulated, unchecked, wander
+from made_runs import elastic, identify_unjudged, simulated, unchecked, wander
 from smooth_data import runs
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "none_missing")
 
 RATE, NOISE, SIZE = 200.0, 0.02, (0.4, 0.4)
+BAND = 8.0  # Hz, near that which would be chosen
 CHANCE = 0.01  # that motors which agree seem to differ
 FRICTION = {"five_bar": (0.1, 0.05), "delta": (0.1, 0.05)}
 
@@ -64,7 +65,7 @@ def prepared(model, log):
 @pytest.mark.parametrize("delay", few_of([-0.02, 0.0, 0.005, 0.0173, 0.05], 0.0, 0.0173))
 def test_a_delay_is_found_within_its_interval(case, delay):
     model, _, log = case
-    found = find_delay(model, [prepared(model, noisy(log, delay))])
+    found = find_delay(model, [prepared(model, noisy(log, delay))], cutoff=None if delay else BAND)
     half = np.ptp(found.interval) / 2
     assert abs(found.common - delay) < 1.7 * half < 0.0045
     assert (np.abs(found.each - delay) < 1.7 * np.ptp(found.intervals, axis=1) / 2).all()
@@ -76,7 +77,7 @@ def test_a_delay_is_found_within_its_interval(case, delay):
 def test_a_delay_without_noise_is_exact_and_clear_from_a_fifth_of_a_step(case, delay):
     """Wherever the search begins: its end is the root, to far less than a step of the log."""
     model, _, log = case
-    found = find_delay(model, [prepared(model, noisy(log, delay, noise=0.0))], cutoff=8.0)
+    found = find_delay(model, [prepared(model, noisy(log, delay, noise=0.0))], cutoff=BAND)
     assert np.abs([found.common - delay, *(found.each - delay)]).max() < 1e-3 / RATE
     assert found.clear == (delay > 0)
 
@@ -85,9 +86,9 @@ def test_a_delay_without_noise_is_exact_and_clear_from_a_fifth_of_a_step(case, d
 def test_friction_that_builds_up_is_no_delay(case, slip):
     model, _, log = case
     soft = elastic(log, slip)
-    clean = find_delay(model, [prepared(model, noisy(soft))])
+    clean = find_delay(model, [prepared(model, noisy(soft))], cutoff=BAND)
     assert not clean.clear
-    late = find_delay(model, [prepared(model, noisy(soft, 0.03))])
+    late = find_delay(model, [prepared(model, noisy(soft, 0.03))], cutoff=BAND)
     for found, delay in ((clean, 0.0), (late, 0.03)):
         half = np.ptp(found.interval) / 2
         assert abs(found.common - delay) < 1.7 * half < 0.012
@@ -153,12 +154,12 @@ def test_forces_that_are_moved_are_those_of_a_log_that_is_prepared_again(case):
     np.testing.assert_array_equal(moved.log.force, again.log.force)
 
 
-@runs(4, 12)
+@runs(2, 12)
 def test_intervals_hold_the_delay(case, runs):
     model, _, log = case
     inside = []
     for seed in range(runs):
-        found = find_delay(model, [prepared(model, noisy(log, 0.01, seed))], cutoff=8.0)
+        found = find_delay(model, [prepared(model, noisy(log, 0.01, seed))], cutoff=BAND)
         inside.append(found.interval[0] < 0.01 < found.interval[1])
         # The common delay is a mean of the motors', weighted by what each says of it.
         each, common = np.ptp(found.intervals, axis=1), np.ptp(found.interval)
@@ -168,25 +169,27 @@ def test_intervals_hold_the_delay(case, runs):
 
 def test_the_fit_of_late_forces_is_that_of_good_ones(case):
     model, truth, log = case
+    late = prepared(model, noisy(log, 0.02, noise=NOISE / 5))
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", DataWarning)
-        found = identify(model, [prepared(model, noisy(log, 0.02, noise=NOISE / 5))])
+        found = identify(model, [late], validation=[late.select(slice(200))])
     assert any("those of all motors are" in str(each.message) for each in said)
     assert found.delay.clear
     assert np.ptp(found.delay.undone) == 0
     fit = found["all parameters"].fit
     assert (np.abs(fit.values - truth) < 4.5 * fit.standard_errors).all()
-    late = [prepared(model, noisy(log, 0.02, noise=NOISE / 5))]
-    (kept,), delay, _ = in_time(model, (late,), undo=False)
+    band = FilterOptions(cutoff=found.cutoff.chosen)
+    kept = loopid.prepare(model.robot, late.log, filter=band)
+    ((same,),), delay, _ = in_time(model, ((kept,),), undo=False)
     assert delay is None
-    values = quiet_fit(model.samples(at_cutoff(model.robot, kept, found.cutoff.chosen)[0])).values
+    values = quiet_fit(model.samples(same)).values
     worst = np.abs((values - truth) / fit.standard_errors).max()
     assert worst > 6
 
 
 def test_intervals_hold_a_delay_that_is_not_clear(case):
     model, truth, log = case
-    found = quietly(identify, model, [prepared(model, noisy(log, 0.003))])
+    found = identify_unjudged(model, prepared(model, noisy(log, 0.003)))
     delay, fit = found.delay, found["all parameters"].fit
     assert not delay.clear
     error = np.ptp(delay.interval) / 2 / 1.96
@@ -205,7 +208,7 @@ def test_of_nothing_known_a_step_is_left_and_a_hundredth_of_a_second_at_most(ste
 
 def test_what_data_do_not_tell_of_a_delay_is_a_usual_one(case):
     model, _, log = case
-    found = find_delay(model, [prepared(model, noisy(log, noise=100 * NOISE))])
+    found = find_delay(model, [prepared(model, noisy(log, noise=100 * NOISE))], cutoff=BAND)
     assert found.left == pytest.approx(min(USUAL, 1 / RATE), rel=0.1)
 
 
@@ -213,7 +216,8 @@ def test_motors_that_agree_share_a_delay_and_one_that_does_not_has_its_own(case)
     model, _, log = case
     alone = np.zeros(len(log.joints))
     alone[0] = 0.01
-    found = find_delay(model, [prepared(model, noisy(log, alone, noise=NOISE / 5))])
+    late = prepared(model, noisy(log, alone, noise=NOISE / 5))
+    found = find_delay(model, [late], cutoff=BAND)
     assert found.undone[0] == found.each[0] == pytest.approx(0.01, abs=0.001)
     assert not found.undone[1:].any()
 
@@ -227,7 +231,7 @@ def test_forces_that_the_model_lacks_are_no_delay(case):
     curved = 0.1 * np.sign(velocity) * np.exp(-((velocity / 0.1) ** 2))
     more = log.force + 0.5 + 0.3 * velocity + 0.05 * acceleration + curved
     spoilt = noisy(unchecked(log.time, log.position, more, log.joints))
-    found = find_delay(bare, [prepared(bare, spoilt)])
+    found = find_delay(bare, [prepared(bare, spoilt)], cutoff=BAND)
     assert not found.clear
 
 
@@ -235,7 +239,7 @@ def test_a_log_that_stands_nearly_still_tells_no_delay(case):
     model, _, log = case
     time = np.linspace(0, 60, len(log))
     slow = unchecked(time, log.position, np.zeros_like(log.force), log.joints)
-    found = find_delay(model, [prepared(model, noisy(slow))])
+    found = find_delay(model, [prepared(model, noisy(slow))], cutoff=BAND)
     assert found is None or not found.clear
 
 

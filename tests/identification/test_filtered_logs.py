@@ -15,7 +15,7 @@ from loopid.identification.fitting import quiet_fit
 from loopid.logs import Log
 from loopid.logs.preparing import motion_band
 from loopid.motion import FourierSeries, joint_motion, read_motion_program
-from made_runs import quietly
+from made_runs import identify_unjudged, quietly
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought", "none_missing")
 
@@ -25,7 +25,7 @@ FRICTION = np.array([0.1, 0.05, 0.1, 0.05])
 
 
 @cache
-def simulated(motion, rate, choice="Fc,Fv"):
+def simulated(motion, rate, choice="Fc,Fv", seconds=20.0):
     """A five-bar with friction: its force model, true values, and an exact measurement."""
     robot = loopid.load("five_bar")
     terms = JointTerms.of(robot, choice)
@@ -33,7 +33,7 @@ def simulated(motion, rate, choice="Fc,Fv"):
     if motion == "fourier":
         sine, cosine = np.random.default_rng(0).normal(size=(2, 2, 5)) * 0.25 / np.arange(1, 6)
         planned = FourierSeries(robot.actuated, 0.1, np.array([2.088, 0.714]), sine, cosine)
-        moved = joint_motion(robot, planned.motion(rate=rate, duration=20.0))
+        moved = joint_motion(robot, planned.motion(rate=rate, duration=seconds))
     else:
         moved = joint_motion(robot, read_motion_program("five_bar").motion(motion, rate))
     friction = np.resize(FRICTION, len(terms.parameters(robot)))
@@ -69,25 +69,34 @@ def test_a_log_that_stands_has_no_band():
     assert motion_band(model.robot, still) == 0
 
 
-def coarse(bits, rate=1000.0, noise=NOISE):
+@cache
+def coarse(bits, rate=100.0, noise=NOISE):
     """A log of encoders of this many bits, its force model and true values."""
     model, truth, run = simulated("fourier", rate)
     return model, truth, log_of(model, run, 2 * np.pi / 2**bits, noise)
 
 
+@cache
+def prepared(bits, rate=100.0):
+    model, _, log = coarse(bits, rate)
+    return quietly(loopid.prepare, model.robot, log)
+
+
+@cache
+def choice_of(bits, rate=100.0):
+    """What is chosen for that log."""
+    return choose_cutoff(coarse(bits, rate)[0], [prepared(bits, rate)])
+
+
 def test_a_coarse_encoder_asks_for_a_narrow_band():
-    chosen = {}
-    for bits in (10, 17):
-        model, _, log = coarse(bits, 500.0)
-        recording = quietly(loopid.prepare, model.robot, log)
-        chosen[bits] = choose_cutoff(model, [recording]).chosen
-    assert 1 < chosen[10] < 4
-    assert chosen[10] < chosen[17] < 25
+    narrow, wide = (choice_of(bits).chosen for bits in (10, 17))
+    assert 1 < narrow < 4
+    assert narrow < wide < 25
 
 
 @pytest.mark.parametrize("bits", few_of([10, 12, 14], 12))
 def test_the_chosen_cut_off_predicts_as_well_as_the_best_and_coarse_encoders_stay(bits):
-    model, truth, log = coarse(bits, 500.0)
+    model, truth, log = coarse(bits)
     robot = model.robot
     planned = read_motion_program("five_bar").motion("sweep", 20.0)
     new = model.regressor(joint_motion(robot, planned))
@@ -97,16 +106,15 @@ def test_the_chosen_cut_off_predicts_as_well_as_the_best_and_coarse_encoders_sta
         recording = quietly(loopid.prepare, robot, log, filter=options)
         return float(((new @ (quiet_fit(model.samples(recording)).values - truth)) ** 2).mean())
 
-    recording = quietly(loopid.prepare, robot, log)
-    assert not any("frozen" in str(dropped) for dropped in recording.dropped)
-    choice = choose_cutoff(model, [recording])
+    assert not any("frozen" in str(dropped) for dropped in prepared(bits).dropped)
+    choice = choice_of(bits)
     errors = [error(cutoff) for cutoff in choice.cutoffs]
     assert error(choice.chosen) < 4 * min(errors)
     assert max(errors) > 20 * min(errors)  # so that it matters
 
 
 def test_a_cut_off_that_is_given_is_kept_and_a_known_motion_has_none():
-    model, _, log = coarse(17, 100.0)
+    model, _, log = coarse(17)
     options = FilterOptions(cutoff=7.0)
     given = quietly(loopid.prepare, model.robot, log, filter=options)
     assert choose_cutoff(model, [given]) is None
@@ -118,8 +126,7 @@ def test_a_cut_off_that_is_given_is_kept_and_a_known_motion_has_none():
 
 @pytest.mark.parametrize("fraction", few_of([None, 0.6], 0.6))
 def test_identify_prepares_all_recordings_at_the_choice(fraction):
-    model, _, log = coarse(17, 100.0)
-    recording = quietly(loopid.prepare, model.robot, log)
+    model, recording = coarse(17)[0], prepared(17)
     options = FitOptions(fraction=fraction)
     found = quietly(identify, model, [recording], friction=[recording], options=options)
     assert bool(found.validation) == bool(fraction)
@@ -150,12 +157,11 @@ def test_a_choice_at_a_bound_is_told():
     ("rate", "bits"), few_of([(20.0, 17), (100.0, 17), (1000.0, 14)], (100.0, 17))
 )
 def test_clean_logs_are_at_no_bound(rate, bits):
-    model, _, log = coarse(bits, rate)
-    assert not choose_cutoff(model, [quietly(loopid.prepare, model.robot, log)]).bound
+    assert not choice_of(bits, rate).bound
 
 
 def test_ten_forces_a_parameter_are_left():
-    model, _, log = coarse(17, 100.0)
+    model, _, log = coarse(17)
     count = len(model.parameters)
     part = log.select(np.asarray(log.time) < 5.0)
     choice = choose_cutoff(model, [quietly(loopid.prepare, model.robot, part)])
@@ -165,9 +171,8 @@ def test_ten_forces_a_parameter_are_left():
 
 
 def test_the_change_from_a_cut_off_to_the_next_is_that_of_forces_in_parts_of_the_errors():
-    model, _, log = coarse(12, 100.0)
-    recording = quietly(loopid.prepare, model.robot, log)
-    choice = choose_cutoff(model, [recording])
+    model, _, log = coarse(12)
+    recording, choice = prepared(12), choice_of(12)
     judge = model.samples(recording)
     fits = [
         quiet_fit(model.samples(quietly(loopid.prepare, model.robot, log, filter=options)))
@@ -220,9 +225,9 @@ def test_steps_of_friction_pass_the_filter_of_the_forces(motion, cutoff, choice)
     np.testing.assert_array_equal(part.regressor, samples.regressor[20:50])
 
 
-def covered(motion, rate, step, runs):
+def covered(motion, rate, step, runs, seconds=20.0):
     """Part of the intervals that cover (n,), and errors in standard errors (runs, n)."""
-    model, truth, run = simulated(motion, rate)
+    model, truth, run = simulated(motion, rate, seconds=seconds)
     inside, errors = [], []
     for seed in range(runs):
         log = log_of(model, run, step, NOISE, seed)
@@ -234,7 +239,7 @@ def covered(motion, rate, step, runs):
 
 
 def test_intervals_hold_with_encoder_steps_at_a_high_rate():
-    rates, errors = covered("fourier", 1000.0, STEP, 6)
+    rates, errors = covered("fourier", 1000.0, STEP, 4, seconds=10.0)
     # A twentieth of the rate as cut-off gives means of 4 and a root mean square of 1.8.
     assert rates.mean() > 0.8
     assert np.abs(errors.mean(axis=0)).max() < 1.6
@@ -253,7 +258,7 @@ def test_intervals_hold_at_all_rates(motion, step, rate):
 
 
 def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
-    model, truth, run = simulated("fourier", 1000.0)
+    model, truth, run = simulated("fourier", 1000.0, seconds=10.0)
     robot = model.robot
     options = FilterOptions(cutoff=10.0)
     recording = quietly(loopid.prepare, robot, log_of(model, run), filter=options)
@@ -263,9 +268,8 @@ def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
 
 
 def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
-    model, _, log = coarse(12, 200.0)
-    recording = quietly(loopid.prepare, model.robot, log)
-    found = quietly(identify, model, [recording])
+    (model, _, log), recording = coarse(12), prepared(12)
+    found = identify_unjudged(model, recording)
     fit = load_fit(found.fit.save(tmp_path / "fit.json"))
     assert fit.cutoff == found.cutoff.chosen
     predicted = fit.predict(recording)

@@ -21,7 +21,7 @@ from loopid.motion import JointMotion
 from loopid.report import identification_report
 from made_runs import quietly
 
-DRAWS = 25
+DRAWS = 16
 NOISE = 0.1
 
 

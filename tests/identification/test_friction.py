@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid import FilterOptions, JointTerms, identify, load_fit, read_log
+from loopid import FilterOptions, JointTerms, load_fit, read_log
 from loopid.errors import DataError, OptionError
 from loopid.identification import friction_curve, friction_summary
 from loopid.identification.consistent import error_weights
@@ -19,7 +19,7 @@ from loopid.identification.joint_priors import dissipation, joint_parameters
 from loopid.logs import Recording
 from loopid.motion import Noise, scaled_bodies
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
-from made_runs import logged, quietly, record, simulated, unchecked, wander
+from made_runs import identify_unjudged, logged, quietly, record, simulated, unchecked, wander
 from smooth_data import runs
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
@@ -58,7 +58,7 @@ def identified(robot, model, motion, once):
     def identify_once(law=None, seed=0):
         name = f"friction {law and law.__qualname__} {seed}"
         recording = run(robot, motion, law=law, seed=seed)
-        return once(name, lambda: quietly(identify, model, [recording]))
+        return once(name, lambda: identify_unjudged(model, recording))
 
     return identify_once
 
@@ -140,7 +140,7 @@ def test_a_curve_is_found_where_it_is_and_nowhere_else(robot, identified):
         assert found_groups(found) == {(joint, "friction curve") for joint in joints}
 
 
-@runs(2, 50)
+@runs(1, 50)
 def test_bands_hold_the_true_curve(robot, identified, runs):
     covered, rates = [], np.geomspace(0.0025, 0.5, 40)
     for seed in range(runs):
@@ -154,7 +154,7 @@ def test_bands_hold_the_true_curve(robot, identified, runs):
     assert np.mean(covered) >= 0.9
 
 
-@runs(2, 10)
+@runs(1, 10)
 def test_no_shape_is_invented(robot, motion, identified, runs):
     curves, line = [], loopid.force_model(robot, "full", "Fc,Fv,Fo,Ia")
     for seed in range(runs):
@@ -203,7 +203,7 @@ def test_below_the_slowest_rate_it_stays_and_above_the_fastest_it_is_a_line(iden
 def test_load_friction_is_found_and_predicted(robot, model, motion, tmp_path):
     """A link loads its gear and the rotor beside it does not, though both turn alike."""
     values = f"{LINE},Ia=0.1; {LEFT}: Ft=0.08"
-    found = quietly(identify, model, [run(robot, motion, values, seed=1)])
+    found = identify_unjudged(model, run(robot, motion, values, seed=1))
     assert found_groups(found) == {(LEFT, "load friction")}
     low, high = found.fit[f"{LEFT}.Ft"].interval
     assert low <= 0.08 <= high
@@ -228,7 +228,7 @@ def test_gears_that_lose_no_force_have_no_load_friction(identified):
 
 
 def test_logs_with_filtered_steps_are_asked_too(robot, model, tmp_path):
-    motion = wander(robot, 4, 20.0, 200.0, size=(0.5, 0.5), harmonics=5)
+    motion = wander(robot, 4, 20.0, 100.0, size=(0.5, 0.5), harmonics=5)
     for values, joints in ((LINE, set()), (f"{LINE},Fs~0.1=0.03", {*robot.actuated})):
         terms = JointTerms.with_values(robot, values)
         text = logged(robot, motion, terms, 0.02, 0, scaled_bodies(robot, 0.2))
@@ -236,7 +236,7 @@ def test_logs_with_filtered_steps_are_asked_too(robot, model, tmp_path):
         log = quietly(read_log, tmp_path / "run.csv", robot)
         recording = quietly(loopid.prepare, robot, log)
         assert recording.history is not None
-        found = quietly(identify, model, [recording])
+        found = identify_unjudged(model, recording)
         assert {joint for joint, _ in found_groups(found)} == joints
 
 
@@ -329,7 +329,7 @@ def test_friction_that_is_less_at_rest_is_no_shape_of_it(robot, sticking, less):
 
 def test_friction_at_rest_is_in_no_parameter_and_in_all_errors(robot, model, sticking):
     """Those on regions, as others, are of all forces: what is predicted has it, too."""
-    found = quietly(identify, model, [sticking(0.5)])
+    found = identify_unjudged(model, sticking(0.5))
     assert not found_groups(found)
     for joint in robot.actuated:
         assert found.fit[f"{joint}.Fc"].value == pytest.approx(0.1, abs=5e-4)

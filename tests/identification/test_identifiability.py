@@ -16,7 +16,7 @@ from loopid.logs import Recording
 from loopid.motion import joint_motion, read_motion_program
 from made_runs import modelled, one_joint
 
-DRAWS = 100
+DRAWS = 60
 
 
 def in_sizes(found, directions):

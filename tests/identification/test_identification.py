@@ -17,7 +17,7 @@ from loopid.identification import eliminate
 from loopid.identification.data import recordings_of
 from loopid.identification.selection import judge_essential
 from loopid.logs.preparing import at_cutoff
-from made_runs import quietly
+from made_runs import first_rows, quietly
 
 RUN = "urdf/logs/five_bar.csv"
 
@@ -99,17 +99,19 @@ def test_foreign_columns_are_mapped_wherever_data_are_taken(load_once, tmp_path)
 
 def test_a_path_becomes_a_fit_and_the_fit_what_is_asked_of_it(load_once, tmp_path):
     """In one call each; tables, logs and recordings are the data that the path is."""
-    robot, log = load_once("five_bar"), read_log(RUN, load_once("five_bar"))
+    path = tmp_path / "run.csv"
+    path.write_text(first_rows("five_bar"))
+    robot, log = load_once("five_bar"), read_log(path, load_once("five_bar"))
     options = FitOptions(terms="Fc,Fv", undo_delay=False)
-    found = quietly(identify, robot, RUN, options=options)
+    found = quietly(identify, robot, path, options=options)
     (run,) = found.training
-    for data in (polars.read_csv(RUN), log, prepare(robot, log), [RUN]):
+    for data in (polars.read_csv(path), log, prepare(robot, log), [path]):
         ((other,),) = recordings_of(robot, data)
         (again,) = at_cutoff(robot, [other], run.cutoff)
         np.testing.assert_array_equal(again.force, run.force)
         np.testing.assert_array_equal(again.motion.velocities, run.motion.velocities)
     with pytest.raises(OptionError, match="data must be a path, a table"):
-        identify(robot, {RUN})
+        identify(robot, {path})
     assert compare_fits(found, found.fit).usual == 1.0
     fit = load_fit(found.fit.save(tmp_path / "fit.yaml"))
     assert fit == found.fit
@@ -118,7 +120,7 @@ def test_a_path_becomes_a_fit_and_the_fit_what_is_asked_of_it(load_once, tmp_pat
     assert new.read_text().count("<inertial>") == 4
     tree, closures = quietly(fit.to_pinocchio)
     assert (tree.nv, len(closures)) == (4, 1)
-    assert fit.predict(RUN).moving.r_squared.min() > 0.99
+    assert fit.predict(path).moving.r_squared.min() > 0.99
     if find_spec("casadi"):
         names = [path.name for path in fit.to_c(tmp_path / "controller")]
         assert names == ["five_bar.h", "five_bar.c", "five_bar.casadi"]

@@ -12,7 +12,7 @@ from loopid.logs import Recording
 from loopid.motion import FourierSeries, Motion, joint_motion
 from loopid.motion.filtering import differentiate
 
-RATE, NOISE, DRAWS = 100.0, 1e-4, 25
+RATE, NOISE, DRAWS = 100.0, 1e-4, 16
 
 
 @pytest.fixture(scope="module")

@@ -160,7 +160,7 @@ def with_twin(W):
         (with_twin, RankError, "do not excite a combination of link2.m, link3.m"),
         (lambda W: W * np.array([1, 1, 0, 1]), RankError, "do not excite link2.m at all"),
         (lambda W: W * np.array([[1, 1, 0, 1], [1, 1, 1, 1]]), RankError, "link2.m at all"),
-        (lambda W: W[:2], DataError, "4 rows cannot determine 4"),
+        (lambda W: W[:2], DataError, "4 forces cannot determine 4"),
     ],
     ids=["twins", "no effect", "effect where not used", "few rows"],
 )

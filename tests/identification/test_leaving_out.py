@@ -92,9 +92,11 @@ def test_with_few_rows_left_to_judge_the_file_does_not_win(model, runs):
 
 def test_where_all_parameters_predict_better_than_any_robot_it_is_said(model, runs, clean):
     """Friction that drives: the sign of a force or of a position is wrong."""
-    rate = np.asarray(runs[0].motion.velocities)
-    force = runs[0].force - 2.0 * np.sign(rate) * [1.0, 0.0]
-    found = quietly(identify, model, [replace(runs[0], force=force)])
+    driven, judged = (
+        replace(run, force=run.force - 2.0 * np.sign(run.motion.velocities) * [1.0, 0.0])
+        for run in runs
+    )
+    found = quietly(identify, model, [driven], validation=[judged])
     assert found.advantage > 2
     (finding,) = [each for each in found.findings if "times better" in each.title]
     assert finding.do in str(found.verdict)

@@ -14,7 +14,7 @@ from loopid.motion import scaled_bodies
 from made_runs import record, wander
 
 FRICTION = "Fc=0.1,Fv=0.05; left_crank_joint: Fl=0.003; passive: Fl=0.02"
-DRAWS = 40
+DRAWS = 25
 SIDES = "left", "right"
 
 

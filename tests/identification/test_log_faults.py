@@ -53,6 +53,7 @@ def runs(load_once):
         speed = np.gradient(position, time, axis=0) if velocities else None
         return unchecked(time, position, force, robot.actuated, velocity=speed, name="run")
 
+    @cache
     def suspected(
         name,
         seed,
@@ -72,6 +73,7 @@ def runs(load_once):
     return suspected
 
 
+@cache
 def times(factor, column=0):
     def spoil(position, force):
         force[:, column] *= factor
@@ -79,6 +81,7 @@ def times(factor, column=0):
     return spoil
 
 
+@cache
 def exchanged(positions, forces):
     def spoil(position, force):
         for values, flag in ((position, positions), (force, forces)):
@@ -88,6 +91,7 @@ def exchanged(positions, forces):
     return spoil
 
 
+@cache
 def geared(ratio, column):
     def spoil(position, force):
         position[:, column] *= ratio
@@ -98,14 +102,15 @@ def geared(ratio, column):
 # The five-bar is symmetric: with positions and forces exchanged it is another like it.
 CASES = [
     ("five_bar", times(1e3), "the force of {0} is in mN m", "force_scale: {{{0}: 0.001}}"),
+    ("five_bar", times(-1e3), "{0} is in mN m with the wrong", "force_scale: {{{0}: -0.001}}"),
     ("five_bar", times(100.0), "the force of {0} is in N cm", "force_scale: {{{0}: 0.01}}"),
     ("five_bar", times(-1.0), "the force of {0} has the wrong sign", "force_scale: {{{0}: -1}}"),
-    ("five_bar", times(1e3, slice(None)), "the force of all motors is in mN m", "scale: 0.001 in"),
-    ("five_bar", times(-1.0, slice(None)), "all motors has the wrong sign", "force_scale: -1 in"),
+    ("five_bar", times(1e3, ...), "the force of all motors is in mN m", "scale: 0.001 in"),
+    ("five_bar", times(-1.0, ...), "all motors has the wrong sign", "force_scale: -1 in"),
     ("five_bar", exchanged(False, True), "the forces of {0} and {1} are exchanged", "mapping"),
     ("five_bar", geared(2.0, 1), "the positions of {1} are ", "position_scale: {{{1}: 0."),
     ("five_bar", geared(-1.0, 1), "positions of {1} have the wrong sign", "_scale: {{{1}: -1}}"),
-    ("five_bar", geared(-1.0, slice(None)), "of all motors have the wrong sign", "_scale: -1 in"),
+    ("five_bar", geared(-1.0, ...), "of all motors have the wrong sign", "_scale: -1 in"),
     ("3ups_rpu", times(2.0, 1), "the force of {1} is ", "force_scale: {{{1}: 0.5"),
     ("3ups_rpu", exchanged(True, True), "positions and forces of {0} and {1}", "mapping"),
 ]
@@ -121,7 +126,7 @@ def on_the_page(title):
 
 
 # One a kind of cause, and one of a robot with four motors.
-ORDINARY = [CASES[k] for k in (0, 2, 4, 5, 6, 10)]
+ORDINARY = [CASES[k] for k in (1, 3, 5, 6, 7, 11)]
 
 
 @pytest.mark.parametrize(("name", "spoil", "words", "advice"), few_of(CASES, *ORDINARY))
@@ -145,6 +150,7 @@ def test_one_motor_may_have_either_sign_wrong(runs):
         assert remedy in found.do
 
 
+@cache
 def moved(offset, column):
     def spoil(position, force):
         position[:, column] += offset
@@ -152,6 +158,7 @@ def moved(offset, column):
     return spoil
 
 
+@cache
 def late(rows):
     def spoil(position, force):
         force[:] = np.roll(force, rows, axis=0)
@@ -240,7 +247,7 @@ def test_forces_of_a_robot_that_mostly_stands_are_not_late(load_once, seed):
     moves = np.random.default_rng(seed).uniform(-0.3, 0.3, (12, 3))
     ways = [(14.0, 0.2), *((1.0, each) for each in moves), (1.0, -0.1), (15.0, -0.1)]
     ways = [Waypoint(middle + each, seconds) for seconds, each in ways]
-    motion = joint_motion(robot, point_to_point(robot.measured, middle, ways, rate=50.0))
+    motion = joint_motion(robot, point_to_point(robot.measured, middle, ways, rate=25.0))
     terms = JointTerms(robot.actuated, ("Fc", "Fv", "Ks")), np.tile([0.3, 0.1, 4.0, 0.0], 3)
     read = simulated(robot, motion, Noise(gaussian=0.02, encoder_step=2e-6), seed, None, terms)
     log = unchecked(read.time, read.position, read.force, robot.actuated)
@@ -254,11 +261,11 @@ SPANS = [(what, seconds) for what in MISSED for seconds in (8.0, 30.0, 240.0)]
 
 
 @pytest.mark.parametrize(
-    ("what", "seconds"), few_of(SPANS, *SPANS[::3], ("zeros", 240.0), ("time axis", 240.0))
+    ("what", "seconds"), few_of(SPANS, SPANS[0], ("zeros", 240.0), SPANS[6], SPANS[8])
 )
 def test_a_mistake_is_named_or_said_not_to_be_told(runs, what, seconds):
     factor = 2.0 if what == "time axis" else 1.0
-    found = runs("five_bar", 1, MISSED[what], factor=factor, seconds=seconds)
+    found = runs("five_bar", 0, MISSED[what], factor=factor, seconds=seconds)
     assert found.mistakes or what in found.hidden.title
 
 
@@ -309,7 +316,7 @@ def test_values_that_a_slower_bus_holds_are_named(runs, rows, what):
         values = {"positions": position, "forces": force}[what]
         values[:] = np.repeat(values[::rows], rows, axis=0)[: len(values)]
 
-    (said,) = (each for each in runs("five_bar", 1, hold).mistakes if "bus" in each.title)
+    (said,) = (each for each in runs("five_bar", 0, hold).mistakes if "bus" in each.title)
     assert said.title == f"a slower bus holds the {what}"
     assert f"in one of {rows} rows, at {50 / rows:g} Hz" in said.why
 
@@ -319,7 +326,7 @@ def test_a_coarse_encoder_is_no_slower_bus(runs):
         position[:] = 0.02 * np.round(position / 0.02)
         force[:] = 0.5 * np.round(force / 0.5)
 
-    assert not any("bus" in each.title for each in runs("five_bar", 1, round_off).mistakes)
+    assert not any("bus" in each.title for each in runs("five_bar", 0, round_off).mistakes)
 
 
 def test_exchanged_positions_that_hardly_ever_close_are_no_explanation(runs):
@@ -329,7 +336,7 @@ def test_exchanged_positions_that_hardly_ever_close_are_no_explanation(runs):
 
 @pytest.mark.parametrize("name", ["five_bar", "3ups_rpu"])
 def test_nothing_is_suspected_of_what_is_right(runs, name):
-    found = runs(name, 1)
+    found = runs(name, 0)
     assert found.mistakes == ()
     assert [one.joint for one in found.gains] == list(FIVE_BAR if name == "five_bar" else KNEE)
     for one in found.gains:
@@ -351,7 +358,7 @@ def test_nothing_is_suspected_of_what_stands_or_is_short(load_once, name):
 def test_curves_of_friction_explain_no_mistake(load_once):
     """Their columns do not grow with the time axis as those of bodies do."""
     robot = load_once("five_bar")
-    motion = wander(robot, 3, rate=100.0)
+    motion = wander(robot, 3, seconds=20.0, rate=50.0)
     run = record(robot, motion, (JointTerms(robot.actuated), np.full(4, 0.3)), noise=0.01)
     kinds = dict.fromkeys(robot.actuated, ("Fc", "Fv", "Fk0~0.05", "Fk~0.1", "Fk~0.5"))
     assert log_faults(robot, [run], JointTerms.of_kinds(kinds)) == log_faults(

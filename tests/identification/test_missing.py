@@ -8,7 +8,7 @@ import pytest
 
 import loopid
 from bank_robots import few_of
-from loopid import JointTerms, identify
+from loopid import JointTerms
 from loopid.identification.lengths import length_forces
 from loopid.identification.missing import _slow
 from loopid.identification.sensor_noise import sensor_noise
@@ -16,7 +16,7 @@ from loopid.kinematics.loop_motion import closed_nearby
 from loopid.logs import Recording
 from loopid.motion import LowPass, Motion, joint_motion, scaled_bodies
 from loopid.parameters import KINDS
-from made_runs import quietly, record, unchecked, wander
+from made_runs import identify_unjudged, quietly, record, unchecked, wander
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
 
@@ -30,7 +30,7 @@ def robot(load_once):
 
 @pytest.fixture(scope="module")
 def model(robot):
-    return loopid.force_model(robot, "full")
+    return loopid.force_model(robot, "full", "Fc,Fv,Fo,Ia")
 
 
 def run(robot, law=None, seed=0, noise=0.01):
@@ -49,10 +49,10 @@ def run(robot, law=None, seed=0, noise=0.01):
 def with_law(robot, model, once):
     """What a recording with one of these laws identifies, or with none."""
 
-    def identified(law=None):
-        return quietly(identify, model, [run(robot, LAWS.get(law))])
+    def found(law=None):
+        return once(f"missing {law}", lambda: identify_unjudged(model, run(robot, LAWS.get(law))))
 
-    return lambda law=None: once(f"missing {law}", lambda: identified(law))
+    return found
 
 
 def clear(found):
@@ -93,14 +93,16 @@ def test_what_advice_prints_takes_the_spring_away(robot, with_law):
     found = with_law("grows with position")
     finding = next(each for each in found.findings if "grows with position" in each.title)
     terms = finding.do.split('terms="')[1].split('"')[0]
-    again = quietly(identify, loopid.force_model(robot, "full", terms), found.training)
+    again = identify_unjudged(
+        loopid.force_model(robot, "full", terms), run(robot, LAWS["grows with position"])
+    )
     assert not clear(again)
     assert again.fit[f"{LEFT}.Ks"].value == pytest.approx(2.0, rel=0.1)
 
 
 def test_a_spring_that_moves_estimates_and_hardly_any_error_is_named(robot, model):
     spring = run(robot, lambda t, q, v, a: q - q.mean())
-    (own,) = clear(quietly(identify, model, [spring]))
+    (own,) = clear(identify_unjudged(model, spring))
     assert own.law == "grows with position"
     assert own.left > 0.9
     assert own.moved > 10
@@ -118,7 +120,7 @@ def off(found, robot):
 
 
 def test_intervals_hold_a_spring_that_is_likely_but_not_clear(robot, model):
-    found = quietly(identify, model, [run(robot, lambda t, q, v, a: 0.8 * (q - q.mean()))])
+    found = identify_unjudged(model, run(robot, lambda t, q, v, a: 0.8 * (q - q.mean())))
     assert not clear(found)
     (spring,) = [each for each in found.missing if each.certainty == "likely"]
     assert spring.law == "grows with position"
@@ -136,7 +138,7 @@ def test_a_spring_that_would_not_show_is_said_with_its_size(robot, model, with_l
     assert f"{hidden[0].number:.3g} N m/rad" in one.why
     # One of half that size does not show, and moves an estimate by more than its interval.
     spring = run(robot, lambda t, q, v, a: hidden[0].number / 2 * (q - q.mean()))
-    again = quietly(identify, model, [spring])
+    again = identify_unjudged(model, spring)
     assert not [each for each in again.missing if each.certainty != "hidden"]
     assert off(again, robot).max() > 3
 
@@ -157,11 +159,12 @@ def as_in_the_file(robot, motion):
     return joint_motion(robot, Motion(robot.actuated, motion.time, *signals))
 
 
-def test_a_length_that_is_off_is_named(robot, model):
+def test_a_length_that_is_off_is_named(robot):
+    model = loopid.force_model(robot, "full")
     true = run(longer(robot, 0.02))
     motion = true.motion
     there = as_in_the_file(robot, motion)
-    found = quietly(identify, model, [Recording.of_motion(there, true.force, robot.actuated)])
+    found = identify_unjudged(model, Recording.of_motion(there, true.force, robot.actuated))
     (length,) = clear(found)
     assert not length.motor
     assert 0.005 < abs(length.number) < 0.04
@@ -172,7 +175,7 @@ def test_a_length_that_is_off_is_named(robot, model):
 def test_intervals_hold_a_length_that_is_off_by_less_than_is_clear(robot, model):
     true = run(longer(robot, 0.0018))
     there = as_in_the_file(robot, true.motion)
-    found = quietly(identify, model, [Recording.of_motion(there, true.force, robot.actuated)])
+    found = identify_unjudged(model, Recording.of_motion(there, true.force, robot.actuated))
     (length,) = [each for each in found.missing if each.certainty == "likely"]
     assert not length.motor
     assert any("are perhaps off" in each.title for each in found.findings)
@@ -208,7 +211,7 @@ def test_forces_of_a_length_are_those_of_a_robot_with_that_length(robot, model):
 
 @pytest.mark.parametrize("seed", few_of(range(3), 0))
 def test_nothing_is_missing_where_nothing_is(robot, model, with_law, seed):
-    found = quietly(identify, model, [run(robot, seed=seed)]) if seed else with_law()
+    found = identify_unjudged(model, run(robot, seed=seed)) if seed else with_law()
     assert all(each.certainty == "hidden" for each in found.missing)
     assert "as parameters of the robot" in str(found.verdict)
 

@@ -13,7 +13,7 @@ SPRINGS = (
     "Fc=0.1,Fv=0.05; left_crank_joint: Ks=0.8,Fo=-1.2; right_crank_joint: Ks3=0.3,Ks2=-0.4,Ks=0.5;"
     "left_coupler_joint: Ks=0.4,Ks@-1.4=0.7,Fo=0.2"
 )
-DRAWS = 40
+DRAWS = 25
 
 
 @pytest.fixture(scope="module")

@@ -62,7 +62,7 @@ def test_offsets_that_are_there_are_kept(robot):
     for kind in ("gravity", "full"):
         model = loopid.force_model(robot, kind)
         values = f"{FRICTION},Fo=0.5"
-        slow = wander(robot, 4, 400.0, 10.0, size=(0.5, 0.5), harmonics=5)
+        slow = wander(robot, 4, 400.0, 4.0, size=(0.5, 0.5), harmonics=5)
         terms = JointTerms.with_values(robot, values)
         recording = record(robot, slow, terms, None, 0.01, 0)
         chosen = choose_terms(model, samples_of(model, [recording]))

@@ -168,9 +168,7 @@ def test_a_four_bar_moves_alike_however_its_pin_is_written(kind, linkage):
     np.testing.assert_allclose(same[:, :3], G, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "kind", few_of([kind for kind in PLANAR if kind != "distance"], "6d", "universal")
-)
+@pytest.mark.parametrize("kind", few_of([kind for kind in PLANAR if kind != "distance"], "6d"))
 def test_a_four_bar_has_its_base_parameters_however_its_pin_is_written(kind, linkage):
     # Planar: 4 of each body, less a mass carried by each pivot and one a pin; see mechanisms.md.
     observation = structural_observation(linkage(f"{kind} four-bar"), "full")

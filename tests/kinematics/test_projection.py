@@ -2,11 +2,13 @@
 
 import warnings
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
+from scipy.sparse.csgraph import connected_components
 
 import loopid
 from bank_robots import few_of
@@ -25,6 +27,7 @@ from loopid.kinematics import (
 )
 from loopid.kinematics.assembly import try_assemble
 from loopid.kinematics.projection import NEAR_SINGULARITY, Solver, singularity_measure
+from loopid.robot.robot import connected
 
 LIMB_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")
 CASES = {
@@ -323,3 +326,14 @@ def test_solves_are_least_squares_whatever_shape_and_condition(shape, least):
     for k, (A, B) in enumerate(zip(matrices, right, strict=True)):
         expected = np.linalg.lstsq(A, B, rcond=1e-9)[0]
         np.testing.assert_allclose(found[k], expected, rtol=1e-7, atol=1e-9 / (least or 1.0))
+
+
+def test_groups_of_links_are_connected_components():
+    rng = np.random.default_rng(0)
+    for count, share in product((0, 1, 2, 7, 40), (0.0, 0.02, 0.2)):
+        links = rng.random((count, count)) < share
+        found = connected(links | links.T)
+        number, group = connected_components(links, directed=False) if count else (0, links)
+        assert [each.tolist() for each in found] == [
+            np.flatnonzero(group == k).tolist() for k in range(number)
+        ]

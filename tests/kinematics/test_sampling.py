@@ -43,7 +43,7 @@ def test_configurations_lie_on_the_references_branch(mechanism):
 
 def test_an_endless_motor_is_drawn_over_a_whole_turn(four_bars):
     bar = four_bars["6d"]
-    q = random_configurations(bar, 200, seed=0)
+    q = random_configurations(bar, 100, seed=0)
     angles = np.arctan2(q[:, 1], q[:, 0])
     assert np.ptp(angles) > 1.9 * np.pi
 
@@ -96,7 +96,7 @@ NAMES = few_of(
         "bennett",
         "rack and pinion",
     ),
-    *("ball rssr", "flying five-bar", "rocking"),
+    *("ball rssr", "flying five-bar"),
 )
 
 
@@ -157,7 +157,7 @@ def rotations(robot, draws, frame):
 
 def test_a_floating_base_has_any_orientation_and_moves(load_files):
     robot = load_files(*LINKAGES["five-bar"], floating_base=True)
-    q = random_configurations(robot, 200, seed=1)
+    q = random_configurations(robot, 100, seed=1)
     turns = rotations(robot, q, "ground")
     # Every axis of the base points into every octant.
     signs = {tuple(column) for turn in turns for column in np.sign(turn).T}
@@ -168,7 +168,7 @@ def test_a_floating_base_has_any_orientation_and_moves(load_files):
 
 def test_a_rod_spins_by_any_angle(linkage):
     robot = linkage("ball rssr")
-    turns = rotations(robot, random_configurations(robot, 200, seed=1), "rod")
+    turns = rotations(robot, random_configurations(robot, 120, seed=1), "rod")
     # The angle about its own axis, against the plane of that axis and the vertical.
     upright = np.cross(turns[:, :, 0], [0, 0, 1])
     angles = np.arctan2(
@@ -180,5 +180,5 @@ def test_a_rod_spins_by_any_angle(linkage):
 def test_hardly_reachable_ranges_are_still_explored(load_files):
     # The motor's limits are far wider than what the loop allows.
     robot = load_files(*loop("hinge", seed=4))
-    q = random_configurations(robot, 100, seed=0)
+    q = random_configurations(robot, 40, seed=0)
     assert np.ptp(q[:, 0]) > 0.1

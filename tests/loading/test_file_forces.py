@@ -215,10 +215,20 @@ def test_a_term_that_a_joint_cannot_have_is_refused(load, tmp_path, joint, kind)
     (tmp_path / "robot.urdf").write_text(ARM.replace("{}", "").replace("REST", ""))
     ball = "joint_name: [shoulder], joint_type: [SPHERICAL], " if "." in joint else ""
     joint = joint.replace("ball", "shoulder")
-    robot = load(f"{{{ball}joint_terms: {{{joint}: {{{kind}: 1}}}}}}", "robot.yaml")
-    with pytest.raises(RobotFileError) as refused:
-        JointTerms.of(robot, "file")
+    text = f"{{{ball}joint_terms:\n  {{{joint}: {{{kind}: 1}}}}}}"
+    with pytest.raises(RobotFileError, match=rf"line 2, joint_terms\.{joint}\.{kind}: ") as refused:
+        load(text, "robot.yaml")
     assert refused.value.facts["joint"] == joint
+    assert str(refused.value).count("joint_terms") == 1
+
+
+@pytest.mark.parametrize("second", ["Fv: 2", '"Fv": 2', "Fv: 1"])
+def test_a_term_that_stands_twice_is_refused_with_its_line(load, tmp_path, second):
+    (tmp_path / "robot.urdf").write_text(ARM.replace("{}", "").replace("REST", ""))
+    with pytest.raises(RobotFileError, match=r"line 3: key 'Fv' stands in line 2 too"):
+        load(f"joint_terms:\n  elbow: {{Fv: 1,\n  {second}}}", "robot.yaml")
+    with pytest.raises(RobotFileError, match=r"line 3: a key stands there"):
+        load("joint_terms:\n  elbow: {true: 1,\n  True: 2}", "robot.yaml")
 
 
 def test_a_term_without_value_is_in_the_model_and_unknown(load, tmp_path):

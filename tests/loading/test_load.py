@@ -1,6 +1,8 @@
 """Bundled robots by name, by YAML and by URDF; locked joints and fixed mounts."""
 
+import shutil
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -21,8 +23,8 @@ def test_the_bundled_names_are_those_of_the_committed_pairs(urdf_folder):
 
 
 @pytest.mark.parametrize("name", bundled_robots())
-def test_a_bundled_robot_loads_closed_and_determined(name):
-    mechanism = loopid.load(name)
+def test_a_bundled_robot_loads_closed_and_determined(name, load_once):
+    mechanism = load_once(name)
     assert mechanism.path == bundled_directory() / f"{name}.yaml"
     assert np.abs(constraint_residual(mechanism, mechanism.reference)).max() < 1e-10
     found = mobility(mechanism)
@@ -280,3 +282,22 @@ def test_a_hinge_that_becomes_a_ball_starts_at_its_angle(load_files):
     )
     k = robot.joint("ball").idx_q
     np.testing.assert_allclose(robot.reference[k : k + 4], [0, 0, np.sin(0.2), np.cos(0.2)])
+
+
+def test_a_robot_is_the_same_wherever_its_files_lie(tmp_path, monkeypatch):
+    """By a relative path as by an absolute one, or of a copy; it is found from other folders."""
+    for ending in (".yaml", ".urdf", "_motions.yaml"):
+        shutil.copy(bundled_directory() / f"five_bar{ending}", tmp_path)
+    there = loopid.load(tmp_path / "five_bar.yaml")
+    monkeypatch.chdir(tmp_path)
+    here = loopid.load("five_bar.yaml")
+    assert here.source == "five_bar.yaml"
+    assert here == there == loopid.load("five_bar")
+    assert hash(here) == hash(there)
+    motions = [loopid.motion.read_motion_program(d / "five_bar_motions.yaml")
+               for d in (tmp_path, Path())]  # fmt: skip
+    assert motions[0] == motions[1]
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert loopid.load(here.path) == here
+    assert here.source == str(tmp_path / "five_bar.yaml")

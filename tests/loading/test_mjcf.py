@@ -243,7 +243,7 @@ TREES = st.recursive(
 )
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(
     trees=st.lists(TREES, min_size=1, max_size=3),
     last=st.sampled_from(["free", "hinge", "slide", "ball"]),

@@ -133,6 +133,21 @@ def test_joints_of_all_kinds_have_the_forces_of_rnea(kind):
     np.testing.assert_allclose(K @ robot.standard_parameters(), expected, atol=1e-12)
 
 
+def test_joints_in_any_order_have_inertias_of_their_own():
+    tree = pin.Model()  # two arms on a turret, built joint by joint in turns
+    parents = [0, 1, 1, 2, 3]
+    for k, parent in enumerate(parents):
+        place = pin.SE3(np.eye(3), np.array([0.1, 0.2 * k, 0.3]))
+        axis = (pin.JointModelRX, pin.JointModelRY)[k % 2]
+        joint = tree.addJoint(parent, axis(), place, f"joint{k}")
+        tree.appendBodyToJoint(joint, pin.Inertia.FromBox(1.0 + k, 0.1, 0.2, 0.3), place)
+    dynamics = loopid.Dynamics(loopid.from_pinocchio(tree))
+    u, du, ddu = np.random.default_rng(0).normal(size=(3, tree.nv))
+    tau = pin.rnea(tree, tree.createData(), u, du, ddu)
+    np.testing.assert_allclose(dynamics.inverse(u, du, ddu), tau, atol=1e-12)
+    np.testing.assert_allclose(dynamics.forward(u, du, tau), ddu, atol=1e-10)
+
+
 def test_constraints_of_pinocchio_4_are_the_same_closures(tree):
     expected = made(tree, [rigid(tree)])
     anchors = pin.StdVec_ConstraintModel()

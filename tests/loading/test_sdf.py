@@ -6,12 +6,10 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
-import yourdfpy
 
 import loopid
 from bank_robots import few_of
-from closure_robots import chain, files, frame, joint as hinge, tie
-from linkages import four_bar
+from closure_robots import Y, body, chain, files, frame, joint as hinge, tie
 from loopid import random_configurations
 from loopid.base_parameters import find_base
 from loopid.errors import OptionError, RobotFileError
@@ -82,6 +80,8 @@ def load(tmp_path):
 
 
 def test_a_urdf_written_as_sdf_is_the_same_robot(load, write_files):
+    import yourdfpy  # slow to import
+
     path = write_files(*files(chain(4, sliding=(3,)), {}))
     robot = loopid.load(path)
     again = load(to_sdf(yourdfpy.URDF.load(str(path.with_suffix(".urdf"))).robot))
@@ -396,7 +396,11 @@ HELD = """<plugin filename="gz-sim-detachable-joint-system"
 
 def test_gazebos_detachable_joint_closes_a_loop_as_drawn(load, tmp_path):
     """As the fixed joint that it stands for; in a URDF, too."""
-    branches = [*ARM, HINGE.format("j3", "world", "three", 1, "", "")]
+    at = {"one": (0, 0), "two": (0, 1), "three": (0.9, 1.2), "four": (1.3, 0)}
+    places = (LINK.replace("{} 0 0", "{} 0 {}", 1).format(k, *xz, SOLID) for k, xz in at.items())
+    ends = (("world", "one"), ("one", "two"), ("four", "three"), ("world", "four"))
+    hinges = (HINGE.format("_".join(pair), *pair, 1, "", "") for pair in ends)
+    branches = [*places, *hinges]
     fixed = """<joint name="two_three" type="fixed"><parent>two</parent><child>three</child>
     </joint>"""
     held, told = (
@@ -417,8 +421,14 @@ def test_gazebos_detachable_joint_closes_a_loop_as_drawn(load, tmp_path):
 
 @pytest.mark.parametrize("owner", few_of(["m", "__model__"], "m"))
 def test_a_urdf_may_hold_its_links_by_it_too(tmp_path, owner):
-    parts, _ = four_bar("6d")
-    plugin = f"<gazebo>{HELD.format('end', owner, 'pivot')}</gazebo>"
+    parts = [
+        *(body(name) for name in ("crank", "coupler", "rocker", "hand")),
+        hinge("crank_joint", "ground", "crank", axis=Y),
+        hinge("coupler_joint", "crank", "coupler", (0, 0, 1), Y),
+        hinge("rocker_joint", "ground", "rocker", (1.3, 0, 0), Y),
+        hinge("hand_joint", "rocker", "hand", (-0.4, 0, 1.2), Y),
+    ]
+    plugin = f"<gazebo>{HELD.format('coupler', owner, 'hand')}</gazebo>"
     urdf, _ = files([*parts, plugin], {})
     (tmp_path / "robot.urdf").write_text(re.sub('robot name="[^"]*"', 'robot name="m"', urdf))
     (tmp_path / "robot.yaml").write_text("name_mot: [crank_joint]\n")
@@ -426,6 +436,6 @@ def test_a_urdf_may_hold_its_links_by_it_too(tmp_path, owner):
         warnings.simplefilter("ignore")
         robot = loopid.load(tmp_path / "robot.yaml")
     (closure,) = robot.closures
-    assert (closure.kind, closure.name) == ("6d", "end_pivot")
-    assert (closure.frame_a, closure.frame_b) == ("end_pivot_parent", "end_pivot_child")
+    assert (closure.kind, closure.name) == ("6d", "coupler_hand")
+    assert (closure.frame_a, closure.frame_b) == ("coupler_hand_parent", "coupler_hand_child")
     assert np.abs(robot.reference).max() < 1e-9  # closed as drawn

@@ -8,7 +8,6 @@ from io import BytesIO
 import numpy as np
 import pinocchio as pin
 import pytest
-import yourdfpy
 from hypothesis import given, settings, strategies as st
 
 import loopid
@@ -117,8 +116,10 @@ def limits(joints):
     return {name: (limit.lower or 0.0, limit.upper or 0.0) for name, limit in own}
 
 
-@pytest.mark.parametrize("every", [8, pytest.param(1, marks=pytest.mark.validate)])
+@pytest.mark.parametrize("every", [16, pytest.param(1, marks=pytest.mark.validate)])
 def test_both_readers_see_what_is_in_the_files(urdf_folder, robot_data, shared, every):
+    import yourdfpy  # slow to import
+
     folders = (urdf_folder, robot_data, shared / "models")
     files = sorted(file for folder in folders for file in folder.rglob("*.urdf"))
     assert len(files) > 70

@@ -1,24 +1,28 @@
 """One simulated run in every format that is read by an extra library."""
 
 import gzip
+from functools import cache
 
 import h5py
 import numpy as np
 import polars
-from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer as Ros2Writer
-from rosbags.typesys import Stores, get_typestore
 from simulated_logs import table
 
 STATE = "sensor_msgs/msg/JointState"
-STORES = {"ros1": get_typestore(Stores.ROS1_NOETIC), "ros2": get_typestore(Stores.ROS2_HUMBLE)}
-PLUGINS = {"db3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}
 TOPIC = "/joint_states"
+
+
+@cache
+def types_of(ros):
+    """The types of messages of "ros1" or "ros2"."""
+    from rosbags.typesys import Stores, get_typestore  # slow to import
+
+    return get_typestore({"ros1": Stores.ROS1_NOETIC, "ros2": Stores.ROS2_HUMBLE}[ros])
 
 
 def joint_state(ros, stamp, names, position=(), velocity=(), effort=()):
     """A message, with the stamp in ns."""
-    types = STORES[ros].types
+    types = types_of(ros).types
     time = types["builtin_interfaces/msg/Time"](*divmod(int(stamp), 10**9))
     sequence = (0,) if ros == "ros1" else ()
     header = types["std_msgs/msg/Header"](*sequence, time, "base")
@@ -34,11 +38,13 @@ def states(ros, joints, stamps, position, force):
 
 def write_ros1(path, messages, packed=None, chunk=4096):
     """A bag of (received, topic, message)."""
-    store, connections = STORES["ros1"], {}
-    writer = Ros1Writer(path)
+    from rosbags.rosbag1 import Writer  # slow to import
+
+    store, connections = types_of("ros1"), {}
+    writer = Writer(path)
     writer.chunk_threshold = chunk
     if packed is not None:
-        writer.set_compression(Ros1Writer.CompressionFormat[packed])
+        writer.set_compression(Writer.CompressionFormat[packed])
     with writer:
         for received, topic, message in messages:
             kind = message.__msgtype__
@@ -50,8 +56,11 @@ def write_ros1(path, messages, packed=None, chunk=4096):
 
 def write_ros2(folder, messages, storage="mcap", packed=None):
     """A bag of (received, topic, message); ``packed`` is "file", "message" or "storage"."""
-    store, connections = STORES["ros2"], {}
-    writer = Ros2Writer(folder, version=9, storage_plugin=PLUGINS[storage])
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    store, connections = types_of("ros2"), {}
+    plugin = {"db3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}[storage]
+    writer = Writer(folder, version=9, storage_plugin=plugin)
     if packed is not None:
         writer.set_compression(CompressionMode[packed.upper()], CompressionFormat.ZSTD)
     with writer:

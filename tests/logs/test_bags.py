@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from recorded_logs import STORES, TOPIC, joint_state, states, write_ros1, write_ros2
+from recorded_logs import TOPIC, joint_state, states, types_of, write_ros1, write_ros2
 
 from loopid.errors import DataWarning, LogError, OptionError
 from loopid.logs import LogMapping, read_log
@@ -175,7 +175,7 @@ def test_messages_that_contradict_themselves(knee, ros, write, run, names, value
 
 
 def test_topics_of_other_types_are_listed(knee, ros, write):
-    text = STORES[ros].types["std_msgs/msg/String"]
+    text = types_of(ros).types["std_msgs/msg/String"]
     path = write([(5, "/chatter", text("hello")), (6, "/chatter", text("again"))])
     with pytest.raises(
         LogError, match=r"no topic of type sensor_msgs/msg/JointState: .*/chatter \("
@@ -184,7 +184,7 @@ def test_topics_of_other_types_are_listed(knee, ros, write):
 
 
 def test_topics_of_other_types_do_no_harm(knee, ros, write, run):
-    text = STORES[ros].types["std_msgs/msg/String"]
+    text = types_of(ros).types["std_msgs/msg/String"]
     chatter = [(int(t) + 1, "/chatter", text("hello")) for t in run[0]]
     check(read_log(write([*chatter, *states(ros, knee.actuated, *run)]), knee), run)
 

@@ -8,11 +8,11 @@ import pytest
 import loopid
 from floating_robots import BASE, FEET, biped, walk
 from linkages import rssr
-from loopid import JointTerms, Log, identify, read_log
+from loopid import JointTerms, Log, read_log
 from loopid.errors import DataError, DataWarning, LogError, OptionError
 from loopid.identification.fitting import quiet_fit
 from loopid.logs import FilterOptions, LogMapping
-from made_runs import quietly
+from made_runs import identify_unjudged, quietly
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
 
@@ -101,7 +101,7 @@ def test_an_identification_of_a_robot_on_its_feet(model):
     run = walk(model, model.base.values(np.append(heavier, FRICTION)))
     noisy = replace(run, force=run.force + generator.normal(scale=0.3, size=run.force.shape))
     recording = quietly(loopid.prepare, robot, log_of(robot, noisy))
-    found = quietly(identify, model, [recording])
+    found = identify_unjudged(model, recording)
     judged = found.candidates["all parameters"].validation
     sizes = np.sqrt(np.mean(recording.force**2, axis=0))
     assert (np.array(judged.residual_rms) < 0.1 * sizes).all()

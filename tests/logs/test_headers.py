@@ -97,6 +97,7 @@ STAMPS = "".join(
         "time," + NAMES + "s,deg,deg,Nm,Nm\n" + rows(position=DEGREES),
         "time," + NAMES + "[ms],[deg],[deg],[-],[-]\n" + rows(time=1e3 * TIME, position=DEGREES),
         TITLE + "time;q1;q2;tau1;tau2\n" + rows(";"),
+        "Test rig 7,,,,\nOperator,Max,,,\ntime," + NAMES + "s,rad,rad,Nm,Nm\n" + rows(),
         "time," + ended(NAMES) + ended(rows()),
         "time," + NAMES + ended(rows()),
         "time," + ended(NAMES) + rows(),

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given, strategies as st
 from scipy.fft import next_fast_len
-from scipy.signal import butter, sosfiltfilt
 
 from loopid.errors import DataError, OptionError
 from loopid.motion import LowPass, filtering
@@ -25,9 +25,9 @@ def test_straight_lines_pass_unchanged(lowpass, height, slope):
 
 @given(filters, signals)
 def test_scipy_filters_alike(lowpass, signal):
-    sections = butter(lowpass.order, lowpass.cutoff, fs=RATE, output="sos")
+    sections = scipy.signal.butter(lowpass.order, lowpass.cutoff, fs=RATE, output="sos")
     padding = lowpass.least_samples(RATE) - 1
-    expected = sosfiltfilt(sections, signal, axis=0, padlen=padding)
+    expected = scipy.signal.sosfiltfilt(sections, signal, axis=0, padlen=padding)
     found = lowpass.apply(signal, RATE)
     largest = np.abs(signal).max()
     # SciPy's passes start as if the signal had stood still: a millionth is left at the ends.

@@ -9,7 +9,13 @@ import pytest
 
 import loopid
 from loopid import random_configurations
-from loopid.kinematics import constraint_jacobian, constraint_residual, project, random_motions
+from loopid.kinematics import (
+    closed_motion,
+    constraint_jacobian,
+    constraint_residual,
+    project,
+    random_motions,
+)
 from loopid.kinematics.projection import partition
 
 NAMES = ("3ups_rpu", "pinned bar", "welded bar", "welded knee")
@@ -91,31 +97,33 @@ def bearing_forces(robot, motion):
 
 
 @pytest.fixture(scope="session")
-def joint_signals(joint_positions):
+def motion(moving):
+    """Of all coordinates."""
+    return closed_motion(*moving)
+
+
+@pytest.fixture(scope="session")
+def joint_signals(moving, motion, joint_positions):
     """What each kind of term multiplies at every joint, by definition; kinds to (N, nv)."""
-
-    def signals(robot, motion):
-        v, q = motion.velocities, joint_positions(robot, motion.configurations)
-        load = bearing_forces(robot, motion)
-        return {
-            "Ia": motion.accelerations,
-            "Fc": np.sign(v),
-            "Fc+": np.where(v > 0, 1.0, 0.0),
-            "Fc-": np.where(v < 0, -1.0, 0.0),
-            "Fc~0.7": np.tanh(v / 0.7),
-            "Fs~0.7": np.exp(-v * v / 0.49) * np.sign(v),
-            "Fl": load * np.sign(v),
-            "Fl~0.7": load * np.tanh(v / 0.7),
-            "Fv": v,
-            "Fo": np.ones_like(v),
-            "Ks": q,
-            "Ks2": q * q,
-            "Ks3": q * q * q,
-            "Kg@-9": 1 / (q + 9),
-            "Ks@0.25": np.where(q > 0.25, q - 0.25, 0.0),
-        }
-
-    return signals
+    v, q = motion.velocities, joint_positions(moving[0], motion.configurations)
+    load = bearing_forces(moving[0], motion)
+    return {
+        "Ia": motion.accelerations,
+        "Fc": np.sign(v),
+        "Fc+": np.where(v > 0, 1.0, 0.0),
+        "Fc-": np.where(v < 0, -1.0, 0.0),
+        "Fc~0.7": np.tanh(v / 0.7),
+        "Fs~0.7": np.exp(-v * v / 0.49) * np.sign(v),
+        "Fl": load * np.sign(v),
+        "Fl~0.7": load * np.tanh(v / 0.7),
+        "Fv": v,
+        "Fo": np.ones_like(v),
+        "Ks": q,
+        "Ks2": q * q,
+        "Ks3": q * q * q,
+        "Kg@-9": 1 / (q + 9),
+        "Ks@0.25": np.where(q > 0.25, q - 0.25, 0.0),
+    }
 
 
 @pytest.fixture(scope="session")

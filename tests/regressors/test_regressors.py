@@ -242,11 +242,6 @@ def test_motions_that_are_not_finite_are_refused(mechanism, poses):
 KINDS = ("Ia", "Fc", "Fc~0.7", "Fv", "Ks3")
 
 
-@pytest.fixture
-def motion(moving):
-    return closed_motion(*moving)
-
-
 def test_the_gravity_model_does_not_see_the_motion(moving, motion):
     robot, q, rates, accelerations = moving
     columns = motion_regressor(robot, motion, "gravity")
@@ -271,7 +266,7 @@ def test_joint_forces_reach_the_motors_through_the_loops(moving, motion, model, 
     # By hand: the terms of every joint, passive ones too, pressed through the transposed Gᵀ.
     robot = moving[0]
     G = motion.projection.G
-    signals = joint_signals(robot, motion)
+    signals = joint_signals
     terms = JointTerms(robot.joints, tuple(signals))
     phi = np.random.default_rng(4).normal(size=(len(robot.joints), len(signals)))
     in_joints = sum(phi[:, k] * signal for k, signal in enumerate(signals.values()))

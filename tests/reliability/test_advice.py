@@ -641,7 +641,7 @@ OF_FITS = {
     ),
     "references of another estimator": (
         lambda _: loopid.FitOptions().require_references(1),
-        "references are for estimator='iv'",
+        "for estimator='iv' alone",
         lambda _: loopid.FitOptions(estimator="iv").require_references(1) is None,
     ),
     "a fit that does not know its model": (

@@ -256,15 +256,14 @@ def proxy():
 CALL = '<body><script>new Image().src = "http://{}.invalid/x"</script>'
 
 
-def framed(*pages, widths=(800,), schemes=("light",)):
+def framed(*pages, looks=((800, "light"),)):
     """A page with these in frames, as a window of Chromium's is no narrower than 500 pixels."""
     sources = [page.replace("&", "&amp;").replace('"', "&quot;") for page in pages]
     frames = [
         f"<iframe style='border:0;width:{width}px;color-scheme:{scheme}' srcdoc=\"{source}\">"
         "</iframe>"
         for source in sources
-        for width in widths
-        for scheme in schemes
+        for width, scheme in looks
     ]
     return "<!DOCTYPE html><body>" + "".join(frames)
 
@@ -385,11 +384,11 @@ WRONG = """<!DOCTYPE html><style>body { background: #fff; } b { position: absolu
 def test_nothing_on_a_page_is_cut_covered_or_faint(pages, tmp_path):
     """At three widths, light and dark; what is wrong on another page is seen."""
     own = [page for name, page in pages.items() if name != "hostile"]
-    shown = framed(*own, WRONG, widths=(390, 760, 1300), schemes=("light", "dark"))
+    shown = framed(*own, WRONG, looks=((390, "light"), (760, "dark"), (1300, "light")))
     shown = fromstring(browse(shown + MEASURE, tmp_path, "--dump-dom"))
     found = json.loads(shown.find("body").get("data-told"))
-    assert found[: 6 * len(own)] == [[False], [True]] * 3 * len(own)
-    _, *wrong = found[-6]
+    assert found[: 3 * len(own)] == [[False], [True], [False]] * len(own)
+    _, *wrong = found[-3]
     assert 'p "faint" has a contrast of 2.85' in wrong
     assert 'b "two" covers b "one" at 390' in wrong
     assert any(each.startswith("the page is 20") for each in wrong)

@@ -4,6 +4,8 @@ import importlib
 import io
 import shutil
 import sys
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.errors import DataError, MissingExtraError, OptionError
+from loopid.errors import DataError, LogError, MissingExtraError, OptionError
 
 viser = pytest.importorskip("viser")
 from loopid.view import open_viewer  # noqa: E402
@@ -45,6 +47,19 @@ def test_files_of_all_kinds_are_known(five_bar, fit_file):
         assert viewer.motion is not None
     with pytest.raises(OptionError):
         open_viewer(five_bar, [LOG, "five_bar"])
+
+
+def test_a_log_in_other_words_is_played_by_its_mapping(five_bar, tmp_path):
+    log, mapping = tmp_path / "run.csv", tmp_path / "run.yaml"
+    rows = LOG.read_text().splitlines()[1:300]
+    log.write_text("\n".join(["ticks,a,b,c,d", *rows]))
+    mapping.write_text(
+        "time: {column: ticks}\nposition: {columns: [a, b]}\nforce: {columns: [c, d]}"
+    )
+    with pytest.raises(LogError):
+        open_viewer(five_bar, [log])
+    with open_viewer(five_bar, [log], mapping=mapping) as viewer:
+        assert viewer.motion is not None
 
 
 def test_the_fit_of_another_robot_is_refused(load_once, fit_file):
@@ -109,7 +124,40 @@ def test_pictures_show_the_poses_and_whether_loops_are_closed(five_bar):
     assert (closed.max(axis=2) < 100).sum() > 100  # motors are dark, and nothing else is
 
 
+def control(viewer, label):
+    """A slider or a box of the viewer's page, by how its label begins."""
+    handles = viewer._server.gui._gui_input_handle_from_uuid.values()
+    return next(each for each in handles if each.label.startswith(label))
+
+
+def test_a_slider_moves_whole_loops_and_a_motion_is_played(five_bar, fit_file):
+    """As viser calls what a browser sends; in one ``make validate`` tries it."""
+    with open_viewer(five_bar, [LOG, fit_file]) as viewer:
+        before, slider = viewer.pose, control(viewer, viewer.scene.sliders[0].joint)
+        slider.value += 0.1
+        np.testing.assert_array_equal(viewer.pose.values, before.values)  # no hand has done it
+        for follow in slider._impl.update_cb:
+            follow(viser.GuiEvent(client=viewer, client_id=0, target=slider))
+        after = viewer.pose
+        play = control(viewer, "Play")
+        playing = threading.Thread(target=setattr, args=(play, "value", True), daemon=True)
+        playing.start()  # until the viewer is closed
+        for _ in range(TRIES):
+            time.sleep(0.05)
+            if (viewer.pose.values != after.values).all():
+                break
+        played = viewer.pose
+    playing.join(10)
+    assert not playing.is_alive()
+    np.testing.assert_allclose(after.values - before.values, [0.1, 0.0], atol=1e-9)
+    assert np.abs(after.origins - before.origins).max(axis=1).min() == 0.0  # the fixed frame
+    assert (np.abs(after.closures - before.closures) > 1e-4).any()
+    assert max(after.residual, played.residual) <= 1e-9
+    assert (played.values != after.values).all()
+
+
 @IN_A_BROWSER
+@pytest.mark.validate
 def test_a_hand_on_a_slider_moves_whole_loops_and_nothing_leaves_the_machine(five_bar, fit_file):
     pytest.importorskip("playwright")
     from playwright.sync_api import sync_playwright

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import PositiveInt
 
-from loopid.arguments import FloatArray, IntArray, Number, Positive
+from loopid.arguments import FloatArray, IntArray, Number, Positive, of_user
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.rank import pivots
 from loopid.base_parameters.structure import Structure, base_columns, regrouping_matrix
@@ -199,7 +199,7 @@ class Exclusion:
     leaves: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
 
 
-@record
+@record(checked="outside")
 class SearchResult:
     """What a search found.
 
@@ -307,7 +307,8 @@ class SearchStrategy(ABC):
         start = thread_time()
         with one_blas_thread():
             if problem.dependent_count:
-                result = self._search(problem)
+                with of_user():
+                    result = self._search(problem)
             else:  # every parameter is a base parameter
                 result = self._result(problem, (), certified=True, gap=1.0, evaluated=1, ties=1)
         return replace(result, seconds=thread_time() - start)
@@ -332,7 +333,7 @@ class SearchStrategy(ABC):
         )
 
 
-@record
+@record(checked=True)
 class PivotedQR(SearchStrategy):
     """Take the columns of W greedily, each the one farthest from the span of those taken.
 

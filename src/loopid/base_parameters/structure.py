@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import FloatArray, IntArray, checked, finite
+from loopid.arguments import FloatArray, IntArray, checked, chosen, finite
 from loopid.base_parameters.rank import (
     CLEAR,
     DoubtfulCombination,
@@ -95,6 +95,7 @@ class Structure:
 
     def permuted(self, order: IntArray) -> Structure:
         """The same with its parameters in another order (n,)."""
+        order = chosen(order, "order", len(self.parameters))
         return replace(
             self,
             parameters=self.parameters.select(order),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import shlex
 from ast import literal_eval
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -24,6 +25,25 @@ ADVICE = re.compile(
     r"""(?=[,;:.)]*(?:\s|$))"""
 )
 
+# An argument that is refused, at the beginning of a sentence.
+ARGUMENT = re.compile(r"^[a-z]\w*(?= must )")
+# Arguments that options of other names are given to.
+RENAMED = {
+    "gaussian": "noise",
+    "positions": "limit",
+    "speeds": "max_speed",
+    "accelerations": "max_acceleration",
+    "forces": "max_force",
+    "mass": "known_mass",
+    "references": "reference",
+}
+
+# Options of ``excite`` that other commands have in the same sense.
+OF_ROBOT_AND_MODEL = (
+    *("lock", "rounding", "floating_base", "free_mimics", "tied", "xacro"),
+    *("model", "terms", "mapping"),
+)
+
 
 def in_options(text: str, context: typer.Context) -> str:
     """Text whose advice to use a parameter of a command names the command's option.
@@ -32,19 +52,28 @@ def in_options(text: str, context: typer.Context) -> str:
     ``loopid base --lock x --lock y`` where only others have it; ``design_motion with`` becomes
     ``loopid excite`` with the robot. All other text stays as it is.
     """
-    others = getattr(context.find_root().command, "commands", {}).values()
+    commands = getattr(context.find_root().command, "commands", {})
 
     def option(found: re.Match[str]) -> str:
-        for command in (context.command, *others):
+        for command in (context.command, *commands.values()):
             for known in command.params:
                 if known.name == found["name"] and known.param_type_name == "option":
                     words = _in_words(known, found["value"]) or found[0]
                     elsewhere = words != found[0] and command.name != context.command.name
                     called = f"loopid {command.name} {words}" if elsewhere else words
-                    return called if found["caller"] is None else _excite(words, context)
+                    if found["caller"] is None:
+                        return called
+                    return _excite(words, context, commands["excite"])
         return found[0]
 
-    return ADVICE.sub(option, text)
+    return ADVICE.sub(option, ARGUMENT.sub(partial(_named, context.command), text))
+
+
+def _named(command: Any, found: re.Match[str]) -> str:
+    """The option of a command that an argument was made from."""
+    name = RENAMED.get(found[0], found[0])
+    options = (each for each in command.params if each.param_type_name == "option")
+    return next((each.opts[0] for each in options if each.name == name), found[0])
 
 
 def command_with(
@@ -71,18 +100,17 @@ def command_with(
     return shlex.join(said)
 
 
-def _excite(words: str, context: typer.Context) -> str:
-    """The motion for parameters: their joint terms, and the logs that need the model."""
-    from loopid.parameters import KINDS
-
+def _excite(words: str, context: typer.Context, excite: Any) -> str:
+    """The motion for parameters, of the robot, model and terms of the command, after its logs."""
     given = context.params
     said = ["loopid", "excite", str(given.get("file", "ROBOT")), *shlex.split(words)]
-    kinds = dict.fromkeys(word.rpartition(".")[2] for word in said[3:] if "." in word)
-    if terms := [kind for kind in kinds if kind not in KINDS]:
-        said += ["--terms", ",".join(terms)]
-    if logs := given.get("logs"):
-        said += ["--mapping", str(given["mapping"])] if given.get("mapping") else []
-        said += [word for log in logs for word in ("--after", str(log))]
+    for known in excite.params:
+        value = given.get(known.name)
+        if known.name not in OF_ROBOT_AND_MODEL or value in (None, known.get_default(context)):
+            continue
+        for one in value if isinstance(value, list | tuple) else [value]:
+            said += known.opts if one is True else [known.opts[0], str(one)]
+    said += [word for log in given.get("logs", ()) for word in ("--after", str(log))]
     return shlex.join(said)
 
 

@@ -12,7 +12,7 @@ import typer
 from typer import Argument, Option
 
 from loopid.cli import completion
-from loopid.cli.advice import command_with
+from loopid.cli.advice import command_with, in_options
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
 from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
@@ -146,7 +146,7 @@ def subgroups_of(search: str, **options: Any) -> Any:
     given = {name: value for name, value in options.items() if value is not None}
     if given and search != SubgroupSearch.name:
         raise OptionError(
-            f"{', '.join(given)} belong to subgroup search, not to {search}: use search='subgroup'",
+            f"{', '.join(given)}: only of subgroup search, not of {search}: use search='subgroup'",
             given=search,
         )
     return SubgroupSearch(**given) if given else search
@@ -212,7 +212,7 @@ def simulate(
 
     if out is not None:
         require_name(out, "the log")
-        require_other_file(out, *own_files(robot), program or "")
+        require_other_file(out, *own_files(robot), *filter(None, [program]))
         require_own_kind(out, LOG_ENDINGS)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     planned = read_motion_program(program or _bundled_motions(robot)).motion(motion, rate)
@@ -233,7 +233,9 @@ def excite(
         help=f"{MODELS}; auto: the one that the logs of --after need, gravity without.",
         autocompletion=completion.models,
     ),
-    terms: str = GIVEN_TERMS,
+    terms: str = Option(
+        "none", help=f"{TERMS[:-1]}; auto: those of identify.", autocompletion=completion.terms
+    ),
     criterion: str = Option("D", help="What is optimised: D, A, E or condition."),
     shape: str = Option("fourier", help="fourier, or poses to stand in (gravity)."),
     size: int | None = Option(None, help="Number of harmonics or poses; enough by default."),
@@ -293,7 +295,6 @@ def excite(
     from loopid.identification.force_models import force_model
     from loopid.identification.model_choice import chosen_model, require_model
     from loopid.logs.reading import locked_as_logged
-    from loopid.regressors.joint_terms import JointTerms
     from loopid.report.excitation import excitation_report
 
     answer.require(robot.path, mapping, *(after or ()))
@@ -324,7 +325,7 @@ def excite(
     robot = locked_as_logged(robot, after[0], mapping=mapping) if after else robot
     logged = recordings(robot, after, mapping)
     chosen = chosen_model(robot, model, logged)
-    fitted = force_model(robot, chosen, JointTerms.of(robot, terms))
+    fitted = force_model(robot, chosen, terms)
     with progress_bar(criterion) as watch:
         found = design_motion(
             fitted,
@@ -346,6 +347,7 @@ def view(
     files: list[str] | None = Argument(
         None, metavar="[LOG|MOTION|FIT]...", help="What to play, and saved fits: their masses."
     ),
+    mapping: str | None = MAPPING,
     port: int = Option(8080, help="Of this machine; the next free one where it is taken."),
     out: str | None = Option(None, metavar="DIR", help="Write pictures to a folder, and end."),
     count: int = Option(1, min=1, help="Pictures, evenly spread over the motion."),
@@ -353,7 +355,7 @@ def view(
     """Move a robot in the browser, play logs and motions."""
     from loopid.view.viewer import open_viewer
 
-    with open_viewer(robot, files or (), port=port) as viewer:
+    with open_viewer(robot, files or (), mapping=mapping, port=port) as viewer:
         if out is None:
             typer.echo(f"{robot.name} is shown at {viewer.url} until Ctrl-C")
             viewer.wait()
@@ -364,6 +366,7 @@ def view(
 
 
 def init(
+    context: typer.Context,
     file: str = Argument(..., metavar="FILE", help="Robot: a URDF, MJCF, SDF or xacro."),
     log: str | None = Argument(None, metavar="[LOG]", help="A log, whose columns are named."),
     out: str = Option(".", metavar="DIR", help="Folder to write to."),
@@ -371,11 +374,12 @@ def init(
     xacro: list[str] | None = XACRO,
 ) -> None:
     """Write a YAML and a mapping to fill in, with the closures that a file shows."""
-    from loopid.export.first_files import write_first_files
+    from loopid.export.first_files import write_in_words
 
+    options = {"floating_base": floating_base, "xacro": macro_arguments(xacro)}
     with progress_bar("robot"):
-        yaml, mapping = write_first_files(
-            file, log, folder=out, floating_base=floating_base, xacro=macro_arguments(xacro)
+        yaml, mapping = write_in_words(
+            file, log, out, options, lambda text: in_options(text, context)
         )
     typer.echo(next_commands(yaml, log or "LOG", mapping))
 

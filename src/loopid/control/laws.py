@@ -16,7 +16,7 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, NotNegative, Positive, checked, finite
 from loopid.control.online import ChangeDetector, RecursiveLeastSquares
-from loopid.errors import OptionError
+from loopid.errors import DataError, OptionError
 from loopid.regressors.dynamics import Dynamics
 
 
@@ -125,6 +125,10 @@ class PID:
     ) -> None:
         gains = {"proportional": proportional, "derivative": derivative, "integral": integral}
         Kp, Kd, Ki = (finite(gain, name) for name, gain in gains.items())
+        for name, gain in zip(gains, (Kp, Kd, Ki), strict=True):
+            if gain.ndim > 1 or not gain.size:
+                said = f"{name} must be one number, or have shape (dof,), not {gain.shape}"
+                raise DataError(said, argument=name, given=gain.shape)
         if min(Kp.min(), Kd.min(), Ki.min()) < 0 or (Ki.any() and not interval):
             raise OptionError("gains must not be negative, and an integral one needs an interval")
         self.proportional, self.derivative, self.integral = Kp, Kd, Ki

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from scipy.stats import chi2, norm
+from scipy.special import chdtri, ndtri
 
 from loopid.arguments import BoolArray, FloatArray, Positive, checked, for_each
 from loopid.control.laws import Signals
@@ -32,7 +32,7 @@ MOVING = 2e-3  # m/s or rad/s, above which a motor does not stand
 UNSEEN = 1e-6  # of the largest singular value of J, in units of the robot's length
 
 
-@record
+@record(checked="outside")
 class WrenchEstimate:
     """A wrench on a frame, at its origin along the fixed axes: forces in N above moments in N m.
 
@@ -157,7 +157,7 @@ class WrenchObserver:
             raise OptionError.unknown("frame", frame, frames)
         self.frame, self._data = frames[frame], robot.model.createData()
         # Values that follow one another are as many independent ones as the filter forgets.
-        self.threshold = float(chi2.isf(alarms / (3600.0 * gain / 2), dynamics.dof))
+        self.threshold = float(chdtri(dynamics.dof, alarms / (3600.0 * gain / 2)))
         self._last: tuple[FloatArray, ...] | None = None  # rates, mass and bias
         self._passed: tuple[FloatArray, FloatArray]  # what has come through the filter
 
@@ -201,7 +201,7 @@ class WrenchObserver:
         sensed = np.sqrt(np.maximum((J * told[:, 1:].T).sum(axis=1), 0.0))
         hidden = (unseen**2).sum(axis=1) > 1 - UNSEEN
         floor = np.full(len(J), np.inf)
-        floor[~hidden] = (np.sqrt(self.threshold) + norm.isf(0.025)) / sensed[~hidden]
+        floor[~hidden] = (np.sqrt(self.threshold) + ndtri(0.975)) / sensed[~hidden]
         wrench = inverse @ residual, inverse @ S @ inverse.T, floor, unseen
         statistic = float(residual @ told[:, 0]), self.threshold
         return WrenchEstimate(residual, S, D, *wrench, standing, *statistic)

@@ -18,7 +18,15 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import FloatArray, Number, Positive, checked, random_generator, samples
+from loopid.arguments import (
+    FloatArray,
+    Number,
+    Positive,
+    checked,
+    of_user,
+    random_generator,
+    samples,
+)
 from loopid.control.laws import Law, Reference, Signals
 from loopid.errors import OptionError
 from loopid.motion.simulation import Noise
@@ -197,12 +205,15 @@ class ControlLoop:
             Is called with the number of each sample and the loop, after the controller has
             answered: to load the robot, to push it, to observe its ``signals``.
         """
-        wanted = [samples(each, self.robot.dof, "reference") for each in
-                  (positions, velocities, accelerations)]  # fmt: skip
+        wanted = [samples(positions, self.robot.dof, "positions")]
         count, book = len(wanted[0]), []
+        for name, each in (("velocities", velocities), ("accelerations", accelerations)):
+            wanted.append(samples(each, self.robot.dof, name, count))
         for k in range(count):
             self.signals = self._sensed()
-            force = self.controller.force(self.signals, Reference(*(each[k] for each in wanted)))
+            with of_user():
+                goal = Reference(*(each[k] for each in wanted))
+                force = self.controller.force(self.signals, goal)
             at_sample(k, self)
             book.append((self.position, wanted[0][k] - self.position, force))
             self._waiting.append(force)

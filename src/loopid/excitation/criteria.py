@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import FloatArray, Number
+from loopid.arguments import FloatArray, Number, shaped
 from loopid.errors import OptionError
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel
@@ -137,6 +137,7 @@ class Criteria:
     @classmethod
     def of(cls, factor: FloatArray) -> Criteria:
         """Of a triangular factor R (n, n) of the weighted observation, M = Rᵀ R."""
+        factor = shaped(factor, "factor", *2 * (np.shape(factor)[:1] or (1,)))
         singular = np.linalg.svd(factor, compute_uv=False)
         scaled = np.linalg.norm(factor, axis=0)
         scaled = np.where(scaled > 0, scaled, 1.0)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,7 +28,7 @@ from loopid.robot.robot import Robot
 from loopid.yaml_files import yaml_writer
 
 MJCF = (".xml", ".mjcf")
-COLUMN = "COLUMN"  # in place of a name that only the user knows
+COLUMN, MOTOR = "COLUMN", "MOTOR"  # in place of names that only the user knows
 # Files that users write, by what they are of.
 FORMS: dict[str, type[Section]] = {
     "robot": Description,
@@ -81,19 +82,31 @@ def write_first_files(
     ...     mapping.name
     'five_bar_mapping.yaml'
     """
+    options = {"floating_base": floating_base, "xacro": dict(xacro or {})}
+    return write_in_words(robot, log, folder, options)
+
+
+def write_in_words(
+    robot: str | Path,
+    log: str | Path | None,
+    folder: str | Path,
+    options: Mapping[str, Any],
+    words: Callable[[str], str] = str,
+) -> tuple[Path, Path]:
+    """As ``write_first_files``, with advice in the words of who asks, such as a command's."""
     files = find_files(robot)
-    options: dict[str, Any] = {"floating_base": floating_base, "xacro": dict(xacro or {})}
     drawn, stem = _loaded(robot, options), files.tree.name.partition(".")[0]
-    texts = {f"{stem}_mapping.yaml": _mapping_text(drawn, log)}
-    own = files.named.suffix not in YAML
-    if own:
-        texts[f"{stem}.yaml"] = _robot_text(drawn, os.path.relpath(files.tree, folder), options)
+    motors = drawn.actuated if drawn.motors_known else _driven(drawn, log)
+    texts = {f"{stem}_mapping.yaml": _mapping_text(drawn, motors, log)}
+    if files.named.suffix not in YAML:
+        tree = os.path.relpath(files.tree, folder)
+        texts[f"{stem}.yaml"] = _robot_text(drawn, motors, tree, options)
     for name in texts:
         if (place := Path(folder, name)).exists():
             raise FileError(f"{place} is there already: move it away, or write to another folder")
-    write_files(folder, texts)
-    yaml = Path(folder, f"{stem}.yaml") if own else Path(robot)
-    return yaml, Path(folder, f"{stem}_mapping.yaml")
+    write_files(folder, {name: words(text) for name, text in texts.items()})
+    mapping, *own = (Path(folder, name) for name in texts)
+    return own[0] if own else Path(robot), mapping
 
 
 class _AnyForm(GenerateJsonSchema):
@@ -112,7 +125,9 @@ def file_schema(kind: str) -> dict[str, Any]:
     return draft | schema | {"title": f"loopid {kind} file"}
 
 
-def _robot_text(drawn: Robot, tree: str, options: Mapping[str, Any]) -> str:
+def _robot_text(
+    drawn: Robot, motors: tuple[str, ...], tree: str, options: Mapping[str, Any]
+) -> str:
     """The YAML of a robot whose tree is in a file."""
     pairs, whole, refused = _closed(drawn, options)
     declared = [*(each.name for each in drawn.closures), *(each.name for each in drawn.couplings)]
@@ -132,9 +147,9 @@ def _robot_text(drawn: Robot, tree: str, options: Mapping[str, Any]) -> str:
         _Key("closures", closures, sure=bool(pairs) and not refused),
         "",
         "Joints with motors, in the order of the forces in logs.",
-        *([] if drawn.motors_known else ["The tree's file does not say: keep those with motors."]),
+        *([] if drawn.motors_known else [_why_these(motors)]),
         f"{'With its closures' if whole.rows else 'Without closures'} it has {degrees} of freedom.",
-        _Key("name_mot", list(drawn.actuated), sure=drawn.motors_known),
+        _Key("name_mot", list(motors or drawn.actuated), sure=bool(motors)),
         "",
         "The pose in which the loops were closed, in m and rad: another branch has another one.",
         _Key("reference", pose),
@@ -143,6 +158,12 @@ def _robot_text(drawn: Robot, tree: str, options: Mapping[str, Any]) -> str:
         _Key("limits", {joint: [-1.0, 1.0]}),
         _Key("joint_terms", {joint: {"Ia": 0.01, "Fc": 0.5}}),
     )
+
+
+def _why_these(motors: tuple[str, ...]) -> str:
+    if motors:
+        return "The tree's file does not say: these have forces in the log."
+    return "The tree's file does not say: keep those with motors."
 
 
 def _closed(drawn: Robot, options: Mapping[str, Any]) -> tuple[list[tuple[str, str]], Robot, str]:
@@ -161,15 +182,17 @@ def _loaded(path: Any, options: Mapping[str, Any], pairs: Any = ()) -> Robot:
         return load(path, closures=[Closure(*pair) for pair in pairs], **options)
 
 
-def _mapping_text(robot: Robot, log: str | Path | None = None) -> str:
+def _mapping_text(robot: Robot, motors: tuple[str, ...] = (), log: str | Path | None = None) -> str:
     """The mapping of a log of a robot: its columns, where they are found by name."""
     name = "A log" if log is None else Path(log).name
-    found, said = ({}, []) if log is None else _found(robot, Path(log))
+    found, said = ({}, []) if log is None else _found(robot, motors, Path(log))
     columns: dict[str, Any] = {"time": {"column": COLUMN, "unit": "s"}}
-    columns |= {what: dict.fromkeys(robot.actuated, COLUMN) for what in ("position", "force")}
+    joints = motors or (MOTOR,)
+    columns |= {what: dict.fromkeys(joints, COLUMN) for what in ("position", "force")}
     return _file(
         f"{name} of {robot.name}: which columns are what. Every key may be left out.",
         *said,
+        *([] if motors else [f"{MOTOR} is each joint that name_mot of the robot's YAML lists."]),
         *(_Key(key, found.get(key, example), key in found) for key, example in columns.items()),
         "",
         "Factors to m or rad, and to N or N m, of all or by joint, where no header has a unit.",
@@ -184,16 +207,30 @@ def _mapping_text(robot: Robot, log: str | Path | None = None) -> str:
     )
 
 
-def _found(robot: Robot, path: Path) -> tuple[dict[str, Any], list[str]]:
-    """What the names of a log's columns say, and sentences about them."""
+def _finder(path: Path) -> ColumnFinder:
     if not path.exists():
         raise FileError(f"{path} does not exist", file=path)
     log = open_log(path, LogMapping())
-    streams, found = log.columns(), dict[str, Any]()
+    return ColumnFinder(str(path), log.columns(), LogMapping(), log.ordered, log.choice)
+
+
+def _driven(robot: Robot, log: str | Path | None) -> tuple[str, ...]:
+    """Joints of a robot without known motors that have forces in a log, by their names."""
+    found = []
+    for joint in robot.actuated if log is not None else ():
+        with suppress(LogError):
+            each = _finder(Path(log or "")).channels((joint,)).values()
+            found += [joint] if any(joint in one.column for own in each for one in own) else []
+    return tuple(found)
+
+
+def _found(robot: Robot, motors: tuple[str, ...], path: Path) -> tuple[dict[str, Any], list[str]]:
+    """What the names of a log's columns say, and sentences about them."""
+    finder, found = _finder(path), dict[str, Any]()
+    streams = finder.streams
     said = [f"Columns of {stream}: {', '.join(names)}." for stream, names in streams.items()]
-    finder = ColumnFinder(str(path), streams, LogMapping(), log.ordered, log.choice)
     try:
-        for stream, channels in finder.channels(robot.actuated).items():
+        for stream, channels in finder.channels(motors or robot.actuated).items():
             before = f"{stream}:" if len(streams) > 1 else ""
             for each in channels:
                 found.setdefault(each.quantity, {})[each.joint] = before + each.column

@@ -40,6 +40,8 @@ SAME = 1e-13
 # Relative difference of a joint term, in the new file and as it was meant: degrees are round-off.
 READ_BACK = 1e-12
 # What is not written where the other half of its force has no place: by kind, the other halves.
+# Radians, or lengths of the robot, away from which no spring rests: its force is a constant one.
+FAR = 1e3
 HALVES = {"Ks": ("Ks2", "Ks3", "Ks@"), "Fc": ("Fc+", "Fc-")}
 Terms = dict[str, dict[str, float]]  # by coordinate and kind
 Known = dict[str, dict[str, Any]]  # the same, None where a file leaves a value open
@@ -52,6 +54,7 @@ def updated_robot_file(
     *,
     parameters: ParameterSet | None = None,
     use: MotorUse | None = None,
+    name: str | None = None,
 ) -> bytes:
     """The file of the robot's tree with its inertials and joint terms updated in place.
 
@@ -60,7 +63,7 @@ def updated_robot_file(
     written where ``parameters`` name some. Viscous and Coulomb friction have a place in every
     format, drive inertias and springs in an MJCF. In a URDF these are updated where it has tags for
     them. A friction curve and load friction become the nearest of these (``fit.use``). They are
-    nearest over the rates of the log, at its mean load.
+    nearest over the rates of the log, at its mean load. ``name`` is what warnings call the file.
 
     Raises
     ------
@@ -87,11 +90,13 @@ def updated_robot_file(
         return content
     meant, nearest = straightened(joint_terms(parameters, standard_parameters), use)
     # Inertials come first: MuJoCo may derive damping from masses.
-    wanted, there = _writable(meant), _on_coordinates(robot, file.joint_terms(content))
+    wanted, there = _writable(robot, meant), _on_coordinates(robot, file.joint_terms(content))
     if changed := {j: terms for j, terms in wanted.items() if list(_apart({j: terms}, there))}:
         content = file.edited(new, changed)
         there = _on_coordinates(robot, file.joint_terms(content))
-    _warn_of_others(robot, meant, there, nearest)
+    others = _others(robot, meant, there)
+    if listed := "; ".join([*nearest, *others]):
+        warn(f"joint terms of the new {name or files.tree.name}: {listed}", ModelWarning)
     return content
 
 
@@ -137,7 +142,7 @@ def export_robot_file(
             )
         texts[named.name] = given
     texts[place.name] = updated_robot_file(
-        robot, standard_parameters, parameters=parameters, use=use
+        robot, standard_parameters, parameters=parameters, use=use, name=place.name
     )
     return place.with_name(next(iter(write_files(place.parent, texts))).name)
 
@@ -277,20 +282,33 @@ def straightened(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
     return found, said
 
 
-def _writable(meant: Terms) -> Terms:
+def _writable(robot: Robot, meant: Terms) -> Terms:
     """What is tried to be written: no half of a force, no negative friction, inertia or stiffness.
 
     Simulators take numbers as they are written. With negative friction they would gain energy. A
-    negative stiffness would push away from the rest of a spring.
+    negative stiffness would push away from the rest of a spring, and one next to zero, an estimate
+    of none, would rest out of reach.
     """
     return {
         joint: {
-            kind: max(value, 0.0) if _never_negative(kind) else value
+            kind: 0.0 if _is_none(robot, joint, terms, kind) else value
             for kind, value in terms.items()
             if not any(other.startswith(HALVES.get(kind, ())) for other in terms)
         }
         for joint, terms in meant.items()
     }
+
+
+def _is_none(robot: Robot, joint: str, terms: Mapping[str, float], kind: str) -> bool:
+    """Whether a value stands for none: a negative one, or a stiffness next to zero."""
+    if terms[kind] < 0 and _never_negative(kind):
+        return True
+    if kind != "Ks":
+        return False
+    stiffness, force = terms["Ks"], terms.get("Fo", 0.0)
+    (index,) = robot.velocity_indices([joint])
+    unit = robot.length if index in robot.prismatic else 1.0
+    return 0 < stiffness * FAR * unit < abs(force)
 
 
 def _never_negative(kind: str) -> bool:
@@ -315,8 +333,8 @@ def _apart(meant: Terms, there: Known) -> Iterator[tuple[str, str]]:
                 yield joint, kind
 
 
-def _warn_of_others(robot: Robot, meant: Terms, there: Known, nearest: Sequence[str]) -> None:
-    """Warn of terms that a new file does not have as they were meant."""
+def _others(robot: Robot, meant: Terms, there: Known) -> Iterator[str]:
+    """Terms that a new file does not have as they were meant, and why."""
     files = files_of(robot)
     given = _on_coordinates(robot, files.given.joint_terms)
     read = {j: there.get(j, {}) | given.get(j, {}) for j in (*there, *given)}
@@ -327,6 +345,9 @@ def _warn_of_others(robot: Robot, meant: Terms, there: Known, nearest: Sequence[
             what = f"joint_terms of {files.named.name} overrule"
         elif value < 0 and _never_negative(kind) and read.get(joint, {}).get(kind, 0.0) == 0:
             what, label = "zero stands for the negative", f"{label} = {value:.3g}"
+        elif kind == "Ks" and _is_none(robot, joint, meant[joint], kind):
+            what = f"zero stands, as the spring would rest over {FAR:g} rad or lengths away, for"
+            label = f"{label} = {value:.3g}"
         else:
             what = "in the fit, but without a place in the file (a YAML's joint_terms has one), are"
         said.setdefault(what, []).append(label)
@@ -335,10 +356,7 @@ def _warn_of_others(robot: Robot, meant: Terms, there: Known, nearest: Sequence[
             if kind not in meant.get(joint, {}) and read[joint][kind]:
                 what = "as before, and not in the fit, are"
                 said.setdefault(what, []).append(f"{joint}.{kind}")
-    if said or nearest:
-        others = (f"{what} {shortened(labels)}" for what, labels in said.items())
-        listed = "; ".join([*nearest, *others])
-        warn(f"joint terms of the new {files.tree.name}: {listed}", ModelWarning)
+    yield from (f"{what} {shortened(labels)}" for what, labels in said.items())
 
 
 def shared(links: Sequence[FloatArray], carrier: int, whole: FloatArray) -> list[FloatArray]:

@@ -205,11 +205,17 @@ def read_header(path: Path) -> Header:
     ends = [not lines[k].cells(separator)[-1] for k in samples]
     spare = bool(ends) and all(ends)
     found = [_names(line, separator, width, spare) for line in above]
-    named = next((k for k, names in enumerate(found) if names), None)
-    if named is not None:
+    # A title may be filled up with empty cells; what stands below the names may be their units.
+    said = {
+        k: 0 if _are_units(_units(names)) else _said(names)
+        for k, names in enumerate(found)
+        if names
+    }
+    if said:
+        named = max(said, key=said.__getitem__)
         names, last = found[named], above[named].row
         below = above[named + 1].cells(separator) if named + 1 < len(above) else []
-        units = [cell.strip(AROUND_UNITS) for cell in below]
+        units = _units(below)
         if len(units) == len(names) and _are_units(units):
             last = above[named + 1].row
             pairs = zip(names, units, strict=True)
@@ -247,6 +253,15 @@ def _names(line: Line, separator: str | None, width: int, spare: bool) -> list[s
         if len(cells) == width and not all(line.numbers(one)):
             return cells
     return []
+
+
+def _said(cells: Iterable[str]) -> int:
+    """How many cells hold words."""
+    return sum(not _is_number(cell) for cell in cells)
+
+
+def _units(cells: Iterable[str]) -> list[str]:
+    return [cell.strip(AROUND_UNITS) for cell in cells]
 
 
 def _are_units(cells: Sequence[str]) -> bool:

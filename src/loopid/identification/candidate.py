@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray, checked, shaped
 from loopid.identification.correlation import means_of_series
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.quality import Quality
@@ -136,7 +136,9 @@ def judge(
     >>> judged.loses_to_baseline
     False
     """
-    own, other = predicted or (new.predicted(fit.values), new.predicted(against.values))
+    if predicted is None:
+        predicted = new.predicted(fit.values), new.predicted(against.values)
+    own, other = (shaped(each, "predicted", *new.force.shape) for each in predicted)
     errors = tuple(
         _rms_errors(samples, samples.force - forces)
         for samples, forces in ((data, data.predicted(fit.values)), (new, own))

@@ -85,7 +85,7 @@ VAGUE = 0.05
 USUAL = 0.01
 
 
-@record
+@record(checked="outside")
 class Delay(WithFindings):
     """How much later than the motion the forces of a log are.
 

@@ -36,7 +36,7 @@ DETERMINED = 0.5
 NO_VALUE = 1e9
 
 
-@record
+@record(checked="outside")
 class Estimate:
     """All numbers about one parameter.
 

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.linalg.lapack import dtrtri
 
-from loopid.arguments import BoolArray, FloatArray
-from loopid.errors import DataError, OptionError, RankError
+from loopid.arguments import BoolArray, FloatArray, of_user
+from loopid.errors import DataError, OptionError, RankError, counted
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.quality import fit_quality
 from loopid.identification.result import Fit
@@ -104,7 +104,7 @@ class Estimator:
             When the data do not excite a combination of parameters.
         """
         require_rows(problem)
-        with one_blas_thread():
+        with one_blas_thread(), of_user():
             return self._fit(problem)
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
@@ -139,7 +139,8 @@ def require_rows(problem: FitProblem) -> None:
     if problem.freedom < 1:
         count = len(problem.parameters)
         raise DataError(
-            f"{problem.rows} rows cannot determine {count} parameters",
+            f"{counted(problem.rows, 'force')} cannot determine {counted(count, 'parameter')}: "
+            "use more of the log, or a longer one",
             rows=problem.rows,
             parameters=count,
         )

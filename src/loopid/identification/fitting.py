@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 
-from loopid.arguments import checked
+from loopid.arguments import NOT_EMPTY, checked
 from loopid.errors import DataWarning, OptionError, warn
 from loopid.identification.correlation import within_runs
 from loopid.identification.estimates import LEAST_FREEDOM
@@ -116,7 +117,7 @@ def _warn_of_insignificant(result: Fit) -> None:
 def fit_in_steps(
     first: FitSamples,
     second: FitSamples,
-    known: Sequence[str],
+    known: Annotated[Sequence[str], NOT_EMPTY],
     *,
     estimator: str | Estimator = "wls",
 ) -> Fit:

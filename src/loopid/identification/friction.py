@@ -15,10 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import NOT_EMPTY, FloatArray, checked
 from loopid.findings import EVIDENCE
 from loopid.identification.consistent import (
     consistent_parameters,
@@ -146,7 +147,7 @@ def friction_at_rest(
 def with_friction(
     force_model: ForceModel,
     data: FitSamples,
-    recordings: Sequence[Recording],
+    recordings: Annotated[Sequence[Recording], NOT_EMPTY],
     whole: Fit,
 ) -> tuple[ForceModel, FitSamples, WorkingFit]:
     """Add the friction curves and the load friction that recordings ask for.

@@ -7,7 +7,7 @@ from functools import cached_property
 from html import escape
 
 from loopid.arguments import checked
-from loopid.errors import first_of
+from loopid.errors import counted, first_of
 from loopid.findings import Finding, most_important_first
 from loopid.identification.candidate import Candidate
 from loopid.identification.force_models import parted
@@ -159,7 +159,7 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
         (f"the joint terms are {choice}", ""),
     ]
     if unclear:
-        title = f"{len(unclear)} values may as well be zero"
+        title = f"{counted(len(unclear), 'value')} may as well be zero"
         notes.append((title, first_of(unclear, NAMED)))
     if max(idle) > IDLE:
         why = f"there, up to {100 * max(idle):.0f} % of a motor's samples are left out"

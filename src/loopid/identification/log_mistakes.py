@@ -16,11 +16,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 from math import inf, log, pi, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import NOT_EMPTY, FloatArray, checked
 from loopid.errors import first_of
 from loopid.findings import EVIDENCE, Finding
 from loopid.identification.evidence import Evidence, Explanation, Undone
@@ -97,7 +97,9 @@ class LogFaults:
 
 @checked
 def log_faults(
-    robot: Robot, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
+    robot: Robot,
+    recordings: Annotated[Sequence[Recording], NOT_EMPTY],
+    joint_terms: JointTerms | None = None,
 ) -> LogFaults:
     """Look for mistakes in a log that would explain its forces clearly better.
 

@@ -96,8 +96,8 @@ class FitOptions:
         """Refuse reference motions for another estimator than ``"iv"``, and that without any."""
         if (self.name == "iv") != bool(count):
             raise OptionError(
-                f"references are for estimator='iv', which needs them: {count} motions do not go "
-                f"with {self.name!r}",
+                "references must be commanded motions, one a recording, for estimator='iv' alone, "
+                f"not {count} for {self.name!r}",
                 given=count,
                 estimator=self.name,
             )

@@ -42,7 +42,7 @@ from loopid.identification.missing import MissingForce, missing_forces, with_mis
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
 from loopid.identification.outcome import ALL, ROBOT_FILE
-from loopid.identification.plausibility import absurdities
+from loopid.identification.plausibility import NOTHING_FOLLOWS, absurdities, nothing_follows
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import NoiseModel, fit_quality
 from loopid.identification.result import Fit, of_all
@@ -243,7 +243,8 @@ def identify(
         data = force_model.widened(data, training)
         new = data if left_out else force_model.widened(new, judging)
         judged = _judged(fits, data, new, left, regions)
-    judged = {name: _with_model(each, force_model, data) for name, each in judged.items()}
+    dead = nothing_follows(judged[ALL].fit)
+    judged = {name: _with_model(each, force_model, data, dead) for name, each in judged.items()}
     parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *parts, data, new, excited, judged, options),
@@ -341,10 +342,16 @@ def _refits(
     return {name: found[name] for name in fits}
 
 
-def _with_model(candidate: Candidate, force_model: ForceModel, data: FitSamples) -> Candidate:
-    """A candidate whose fit of data knows its model, and which laws it breaks."""
+def _with_model(
+    candidate: Candidate, force_model: ForceModel, data: FitSamples, dead: bool
+) -> Candidate:
+    """A candidate whose fit of data knows its model, and which laws it breaks.
+
+    ``dead``: no force of the data follows the motion, so that no fit of them is any good.
+    """
     fit = replace(candidate.fit, model=force_model)
-    return replace(candidate, fit=replace(fit, broken=absurdities(fit, data)))
+    broken = *((NOTHING_FOLLOWS,) if dead else ()), *absurdities(fit, data)
+    return replace(candidate, fit=replace(fit, broken=broken))
 
 
 def _friction_alone(

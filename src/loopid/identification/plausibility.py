@@ -25,6 +25,10 @@ LEFT, SMALL = 0.01, 0.1
 # Rates that friction is looked at, from next to standstill to the fastest of the log; part of the
 # largest force that is round-off.
 RATES, SLOW, ROUND_OFF = 100, 1e-4, 1e-9
+# Part of a force's variance that a fit of all parameters explains in the data that were fitted:
+# below, the force does not follow the motion.
+NOISE = 0.2
+NOTHING_FOLLOWS = "no force follows the motion"
 # Terms that keep the laws on any log, by the estimator that holds friction from driving.
 SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
@@ -44,6 +48,11 @@ def absurdities(fit: Estimates, data: FitSamples) -> tuple[str, ...]:
     return tuple(found)
 
 
+def nothing_follows(every: Estimates) -> bool:
+    """Whether all parameters together explain no motor's force, as where the robot stands still."""
+    return not (every.quality.r_squared >= NOISE).any()
+
+
 def require_sane(fit: Estimates, anyway: bool) -> None:
     """Refuse a fit that breaks a law, on its logs or by its values, unless ``anyway`` is given.
 
@@ -56,6 +65,8 @@ def require_sane(fit: Estimates, anyway: bool) -> None:
     broken = fit.broken or tuple(_of_friction(fit))
     if broken:
         mend = f"its log has a mistake, {fit.mistakes[0]}" if fit.mistakes else SANE
+        if broken[0] == NOTHING_FOLLOWS and not fit.mistakes:
+            mend = "record a motion in which the forces change"
         raise OptionError(
             f"the fit is not fit for use, as {broken[0]}: {mend}; anyway=True takes it "
             "nevertheless",

@@ -17,7 +17,7 @@ from loopid.numbers import NORMAL_95
 from loopid.records import Tabular, columns_of, record
 
 
-@record
+@record(checked="outside")
 class Prediction(Tabular):
     """Measured forces beside those that a fit gives for the same motion.
 

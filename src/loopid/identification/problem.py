@@ -21,8 +21,10 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     finite,
+    numbers_of,
     rectangular,
     row_blocks,
+    samples,
     shaped,
 )
 from loopid.errors import DataError
@@ -122,13 +124,17 @@ class FitProblem:
 
         Rows (k, n + 1) of a prior are included as they are.
         """
-        rows = (weights[:, None, None] * self.factors).reshape(-1, self.factors.shape[-1])
+        own = shaped(weights, "weights", len(self.factors))
+        rows = (own[:, None, None] * self.factors).reshape(-1, self.factors.shape[-1])
         rows = rows[rows.any(axis=1)]  # a motor senses few of all parameters
-        return triangular_factor(rows if prior is None else np.concatenate([rows, prior]))
+        if prior is not None:
+            rows = np.concatenate([rows, samples(prior, rows.shape[1], "prior")])
+        return triangular_factor(rows)
 
     def residual_squares(self, values: FloatArray) -> FloatArray:
         """Sums of squared residuals (dof,) of each actuator at parameter values (n,)."""
-        residual = self.factors @ np.append(values, -1.0)
+        own = shaped(values, "values", len(self.parameters))
+        residual = self.factors @ np.append(own, -1.0)
         return np.asarray((residual**2).sum(axis=1), dtype=np.float64)
 
     def force_squares(self) -> FloatArray:
@@ -264,20 +270,20 @@ class FitSamples:
 
     def predicted(self, values: FloatArray) -> FloatArray:
         """Forces (N, dof) at parameter values (n,)."""
-        return np.asarray(self.regressor @ values, dtype=np.float64)
+        return self.regressor @ shaped(values, "values", len(self.parameters))
 
     def residual(self, values: FloatArray) -> FloatArray:
         """Force less prediction (N, dof) at parameter values (n,), also where not used."""
-        return np.asarray(self.force - self.regressor @ values, dtype=np.float64)
+        return self.force - self.predicted(values)
 
     def select(self, columns: Iterable[int]) -> FitSamples:
         """The same forces with some of the parameters only."""
-        chosen, W, Z = [int(j) for j in columns], self.regressor, self.instruments
+        own, W, Z = [*columns], self.regressor, self.instruments
         return replace(
             self,
-            parameters=self.parameters.select(chosen),
-            regressor=_own(np.take(W, chosen, axis=2)),
-            instruments=None if Z is None else np.take(Z, chosen, axis=2),
+            parameters=self.parameters.select(own),
+            regressor=_own(np.take(W, own, axis=2)),
+            instruments=None if Z is None else np.take(Z, own, axis=2),
         )
 
     def beside(self, parameters: ParameterSet | str, columns: FloatArray) -> FitSamples:
@@ -286,8 +292,10 @@ class FitSamples:
         A word calls all of them, with numbers.
         """
         if isinstance(parameters, str):
-            names = (f"{parameters}.{k}" for k in range(columns.shape[2]))
+            count = columns.shape[2] if columns.ndim == 3 else 0
+            names = (f"{parameters}.{k}" for k in range(count))
             parameters = ParameterSet.from_labels(names)
+        columns = shaped(columns, "columns", *self.force.shape, len(parameters))
         return replace(
             self,
             parameters=self.parameters + parameters,
@@ -300,6 +308,8 @@ class FitSamples:
         Without ``parameters`` (k,) each is named by a parameter with a large part in it, which
         names no other. No more than n have such names.
         """
+        count = directions.shape[1] if directions.ndim == 2 else 0
+        directions = shaped(directions, "directions", len(self.parameters), count)
         if parameters is None:
             parameters = self._led(directions)
         Z = self.instruments
@@ -322,10 +332,10 @@ class FitSamples:
 
     def reduced(self, columns: Iterable[int], values: FloatArray) -> FitSamples:
         """Some of the parameters only, with the forces of the others at values (n,) subtracted."""
-        chosen = [int(j) for j in columns]
-        others = np.array(values, dtype=np.float64)
-        others[chosen] = 0.0
-        return self.less(self.predicted(others)).select(chosen)
+        own = numbers_of(columns, "columns", len(self.parameters))
+        others = np.array(shaped(values, "values", len(self.parameters)))
+        others[own] = 0.0
+        return self.less(self.predicted(others)).select(own)
 
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""
@@ -333,14 +343,14 @@ class FitSamples:
 
     def less(self, force: FloatArray) -> FitSamples:
         """The same samples with known forces (N, dof) subtracted."""
-        return self.with_force(self.force - force)
+        return self.with_force(self.force - shaped(force, "force", *self.force.shape))
 
     def apart_from(self, columns: FloatArray) -> FitSamples:
         """The same samples without what a column of each motor (N, dof) explains, of any size.
 
         Least squares of what is left are those beside the columns [FrischWaugh1933].
         """
-        unit = columns * self.used
+        unit = shaped(columns, "columns", *self.force.shape) * self.used
         unit /= np.maximum(np.linalg.norm(unit, axis=0), np.finfo(float).tiny)
         W, tau = self.regressor, self.force
         return replace(

@@ -59,7 +59,7 @@ class ReductionStep:
     error: PredictionError
 
 
-@record
+@record(checked="outside")
 class Reduction:
     """The parameters that are worth fitting.
 

@@ -11,6 +11,7 @@ from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
 from loopid.identification.outcome import Outcome
+from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS
 from loopid.identification.result import Fit
 from loopid.numbers import number
 from loopid.records import record
@@ -19,9 +20,6 @@ from loopid.regressors.joint_laws import grouped
 # Error on new data as a part of a motor's force, in the root mean square: what a controller's
 # feedforward can be built on, and what it still profits from.
 GOOD, ROUGH = 0.1, 0.3
-# Part of a force's variance that a fit of all parameters explains in the data that were fitted:
-# below, the force does not follow the motion.
-NOISE = 0.2
 NAMED = 1  # motors that a finding names
 LEAST_CERTAIN = 2  # parameters that the verdict names
 # Errors over the sensors' noise, from which on the model lacks something: values follow that.
@@ -175,8 +173,6 @@ def _of_model(found: Outcome) -> Finding | None:
 def _use(found: Outcome, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
-    if _nothing_follows(found):
-        return f"{NOT_FIT}, as no force follows the motion"
     if not error <= ROUGH:
         return NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
@@ -279,6 +275,8 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
     yield from () if found.delay is None else found.delay.findings
     yield from (one.hidden for one in found.log_faults if one.hidden is not None)
     for broken in fit.broken:
+        if broken == NOTHING_FOLLOWS:
+            continue  # a finding of its own
         yield Finding(
             "warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"'
         )
@@ -286,17 +284,12 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
     yield from () if found.cutoff is None else found.cutoff.findings
 
 
-def _nothing_follows(found: Outcome) -> bool:
-    """Whether all parameters together explain no motor's force, as where the robot stands still."""
-    return not (found["all parameters"].fit.quality.r_squared >= NOISE).any()
-
-
 def _unexplained(found: Outcome) -> Finding | None:
     """Forces that no parameters explain, or that the recommended fit does not."""
-    if _nothing_follows(found):
+    if NOTHING_FOLLOWS in found.fit.broken:
         return Finding(
             "warning",
-            "no force follows the motion",
+            NOTHING_FOLLOWS,
             f"all parameters together explain less than {100 * NOISE:.0f} % of any force's "
             "variance, so that the log says nothing of the robot",
             "record a motion in which the forces change, or look at the columns and time stamps",

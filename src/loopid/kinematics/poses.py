@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray, IntArray, checked
+from loopid.arguments import FloatArray, IntArray, checked, samples
 from loopid.errors import DataError
 from loopid.parameters import model_kinds
 from loopid.robot.closures import Equations, LoopClosure
@@ -320,6 +320,11 @@ class Tree:
 
     def __init__(self, model: pin.Model) -> None:
         self.model, self._memory = model, _Memory(model)
+        # Whether each subtree has joints that follow each other, as Pinocchio's CRBA takes for
+        # granted; a model made in Python need not.
+        self.depth_first = all(
+            model.parents[k] in model.supports[k - 1].tolist() for k in range(2, model.njoints)
+        )
 
     def __reduce__(self) -> tuple[type[Tree], tuple[pin.Model]]:
         return Tree, (self.model,)
@@ -340,7 +345,7 @@ class Tree:
         return tau
 
     def mass_matrices(self, q: FloatArray) -> FloatArray:
-        """Mass matrices (N, nv, nv) at configurations (N, nq)."""
+        """Mass matrices (N, nv, nv) at configurations (N, nq) of a ``depth_first`` tree."""
         nv = self.model.nv
         M, data = np.empty((len(q), nv, nv)), self._memory.data
         for out, configuration in zip(M, q, strict=True):
@@ -402,8 +407,10 @@ def difference(robot: Robot, origin: FloatArray, target: FloatArray) -> FloatArr
     (1, 4)
     """
     model = robot.model
+    origin = samples(origin, model.nq, "origin")
+    target = samples(target, model.nq, "target", len(origin))
     if model.nq == model.nv:
-        return np.asarray(target - origin, dtype=np.float64)
+        return target - origin
     steps = np.empty((len(origin), model.nv))
     for k, (before, after) in enumerate(zip(origin, target, strict=True)):
         steps[k] = pin.difference(model, before, after)

@@ -15,20 +15,24 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetri
-from scipy.sparse import block_array, csr_array
-from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import FloatArray, IntArray, checked, samples
 from loopid.errors import AccuracyWarning, DataError, MobilityError, SingularityError, counted, warn
 from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
 from loopid.kinematics.poses import blocks, prepared
 from loopid.records import record
-from loopid.robot.robot import RANK_TOLERANCE, Robot
+from loopid.robot.robot import RANK_TOLERANCE, Robot, connected
 
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
 NEAR_SINGULARITY = 1e-3
 # Part of the robot's length by which loops may be open: a configuration with four digits is closed.
 OPEN = 1e-4
+# The same of configurations of simulators whose constraints give way, which can be closed.
+SOFT = 1e-2
+CLOSES = "loopid.kinematics.closed_configurations(robot, q) closes it where its motors are"
+OTHERWISE = (
+    "loopid.Dynamics(robot).pose(u).q is closed, for positions u of the independent coordinates"
+)
 LARGE = 400  # entries of a matrix that is worth looking at for blocks
 
 
@@ -111,12 +115,11 @@ def _independent_blocks(matrices: FloatArray) -> list[tuple[IntArray, IntArray]]
 def _blocks_of(nonzero: bytes, m: int, n: int) -> list[tuple[IntArray, IntArray]]:
     """As ``_independent_blocks``, for a sparsity pattern; cached, as a robot's rarely changes."""
     pattern = np.frombuffer(nonzero, dtype=bool).reshape(m, n)
-    count, group = connected_components(
-        block_array([[None, csr_array(pattern)], [csr_array(pattern.T), None]]), directed=False
-    )
+    links = np.zeros((m + n, m + n), dtype=bool)
+    links[:m, m:], links[m:, :m] = pattern, pattern.T
     shapes: dict[tuple[int, int], list[tuple[IntArray, IntArray]]] = {}
-    for k in range(count):
-        rows, columns = np.flatnonzero(group[:m] == k), np.flatnonzero(group[m:] == k)
+    for group in connected(links):
+        rows, columns = group[group < m], group[group >= m] - m
         if len(rows) and len(columns):
             shapes.setdefault((len(rows), len(columns)), []).append((rows, columns))
     return [
@@ -216,7 +219,7 @@ def least_over_largest(matrices: FloatArray) -> FloatArray:
     return Factorisation.of(matrices).least_over_largest
 
 
-@record
+@record(checked="outside")
 class Projection:
     """The motion that the loops allow, at N configurations.
 
@@ -245,7 +248,7 @@ class Projection:
         return least_over_largest(self.dependent_columns)
 
 
-@record
+@record(checked="outside")
 class ClosedMotion:
     """Velocities and accelerations that keep the loops closed, at N samples.
 
@@ -469,10 +472,11 @@ def _require_closed(constraint: Constraint, name: str, first: int = 0) -> None:
     most = max(OPEN * robot.length, 2.0 * robot.closure_residual)
     if residual.max(initial=0.0) > most:
         k, row = np.unravel_index(int(residual.argmax()), residual.shape)
+        soft = residual[k, row] <= SOFT * robot.length
         raise DataError(
             f"{name} must be closed, but {robot.row_names[row]} of sample {first + k} is open by "
-            f"{residual[k, row]:.3g} m (at most {most:.3g} m): loopid.Dynamics(robot).pose(u).q is "
-            "closed, for positions u of the independent coordinates",
+            f"{residual[k, row]:.3g} m (at most {most:.3g} m): "
+            f"{CLOSES if soft else OTHERWISE}",
             argument=name,
             given=float(residual[k, row]),
             tolerance=most,

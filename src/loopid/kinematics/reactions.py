@@ -10,10 +10,11 @@ redundant, λ is that of the least norm.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked
+from loopid.arguments import NOT_EMPTY, BoolArray, FloatArray, checked, numbers_of
 from loopid.errors import OptionError
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import blocks, tree_reactions
@@ -27,7 +28,7 @@ UNDETERMINED = 1e-6  # part of a reaction along which closures may press without
 def bearing_forces(
     robot: Robot,
     motion: ClosedMotion,
-    joints: Sequence[int],
+    joints: Annotated[Sequence[int], NOT_EMPTY],
     *,
     standard_parameters: FloatArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
@@ -72,6 +73,7 @@ def bearing_forces(
             motors=robot.redundant,
         )
     tree = robot.model
+    joints = numbers_of(joints, "joints", tree.njoints)
     if standard_parameters is not None:
         tree = robot.tree(standard_parameters)
     _, dependent = partition(robot)

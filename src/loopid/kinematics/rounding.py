@@ -29,7 +29,7 @@ NEARLY = 20.0
 # How accurate it is.
 
 
-@record
+@record(checked="outside")
 class Accuracy:
     """How far the geometry may be from what the file writes.
 

@@ -17,6 +17,7 @@ from loopid.loading.model_closures import find_closures, find_couplings, frame_n
 from loopid.loading.reference import close_reference, with_lengths
 from loopid.loading.tree import TreeSource, build_tree, written_reference
 from loopid.loading.undeclared import undeclared_loops
+from loopid.registry import words_of_files
 from loopid.robot.robot import RANK_TOLERANCE, Body, LinkGroup, Platform, Robot, link_frames
 
 # Pinocchio stores derivatives of their third power: 2 GB.
@@ -75,7 +76,7 @@ def _open_robot(path: Path | None, tree: TreeSource, description: Description) -
     _require_printable_names(tree, description)
     drawn = Robot(
         name=tree.name,
-        path=path,
+        path=None if path is None else path.absolute(),
         model=model,
         closures=find_closures(where, model, description.all_closures),
         couplings=find_couplings(where, model, description.all_closures, tree.locked),
@@ -192,4 +193,20 @@ def _joint_values(
                 f"{', '.join(given)} are left out: give theirs in joint_terms",
                 ModelWarning,
             )
+    for joint, values in found.items():
+        for kind in values:
+            _require_term(robot, joint, kind)
     return found
+
+
+def _require_term(robot: Robot, joint: str, kind: str) -> None:
+    """Refuse a joint term that is none, or that a coordinate cannot have."""
+    facts: dict[str, Any] = {"joint": joint, "given": kind}
+    facts["keys"] = keys = ("joint_terms", joint, kind)
+    place = ": ".join(keys[:2])
+    try:
+        needs = {*words_of_files["joint term"](kind).needs}
+    except OptionError as error:
+        raise RobotFileError(f"{place}: {error}", **error.facts | facts) from error
+    if {"position", "slip"} & needs and joint not in robot.joints:
+        raise RobotFileError(f"{place}: {kind} needs a joint with one coordinate", **facts)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import LARGEST, FloatArray, finite, shaped
+from loopid.arguments import LARGEST, FloatArray, checked_outside, finite, shaped
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import Description
 from loopid.loading.model_closures import ROUNDED, frame_named, joint_named
@@ -25,6 +25,7 @@ TURNS = {"wx": "X", "wy": "Y", "wz": "Z"}
 Chain = tuple[tuple[str, pin.JointModel], ...]
 
 
+@checked_outside
 @dataclass(frozen=True)
 class TreeSource:
     """An open tree as read from a file.

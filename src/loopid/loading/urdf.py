@@ -15,7 +15,7 @@ from typing import Any
 import pinocchio as pin
 from lxml import etree
 
-from loopid.arguments import number
+from loopid.arguments import checked_outside, number
 from loopid.border import validated
 from loopid.errors import RobotFileError, naming
 from loopid.loading import xml_elements as xml
@@ -43,6 +43,7 @@ ALSO = {"ball": "3d", "weld": "6d", "hinge": "hinge"}
 Terms = dict[str, dict[str, float]]  # by joint and kind
 
 
+@checked_outside
 @dataclass(frozen=True)
 class Dialect:
     """What a dialect of URDF says beyond the tree.

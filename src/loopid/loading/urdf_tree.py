@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from loopid.arguments import checked_outside
 from loopid.errors import ModelWarning, RobotFileError, naming, warn
 from loopid.inertia import Inertial
 from loopid.loading import xml_elements as xml
@@ -61,6 +62,7 @@ class Joint(NamedTuple):
     mimic: tuple[str, float, float] | None  # the joint that leads, multiplier and offset
 
 
+@checked_outside
 @dataclass(frozen=True)
 class UrdfFile:
     """A URDF whose names, numbers and tree are sound.

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from loopid.arguments import (
+    NOT_EMPTY,
     BoolArray,
     FloatArray,
     IntArray,
@@ -291,7 +292,7 @@ class Log(Tabular):
     def from_frame(
         cls,
         frame: Any,
-        joints: Sequence[str],
+        joints: Annotated[Sequence[str], NOT_EMPTY],
         *,
         mapping: LogMapping | str | Path | None = None,
         name: str = "frame",
@@ -386,6 +387,10 @@ class Log(Tabular):
 
     def select(self, good: BoolArray, *dropped: Dropped) -> Log:
         """The samples that a mask (N,) keeps; those that it leaves out divide segments."""
+        good = rectangular(good, "good")
+        if good.dtype != bool or good.shape != self.time.shape:
+            said = f"good must be a mask of shape {self.time.shape}, not {good.dtype} {good.shape}"
+            raise DataError(said, argument="good", given=good.shape)
         kept: dict[str, Any] = {
             name: values[good]
             for name in ("time", *QUANTITIES)

@@ -16,6 +16,7 @@ from loopid.arguments import (
     NotNegative,
     Number,
     checked,
+    chosen,
     one_as_many,
     row_blocks,
     samples,
@@ -147,6 +148,10 @@ class RateHistory:
 
     def lowpassed(self, signal: FloatArray) -> FloatArray:
         """A signal (M,) filtered, at the samples (N,) that were kept."""
+        count, shape = len(self.velocity), np.shape(signal)
+        if shape[:1] != (count,):
+            said = f"signal must have {count} rows, one a sample of the log, not shape {shape}"
+            raise DataError(said, argument="signal", given=shape)
         segments = zip(self.parts, self.rates, strict=True)
         filtered = [self.lowpass.apply(signal[part], rate) for part, rate in segments]
         return np.concatenate(filtered)[self.rows]
@@ -359,14 +364,15 @@ class Recording(Tabular):
 
     def select(self, rows: BoolArray | slice) -> Recording:
         """Some of the samples, by a mask (N,) or as a slice, in order."""
-        chosen: dict[str, Any] = {
+        rows = chosen(rows, "rows", len(self))
+        kept: dict[str, Any] = {
             name: getattr(self, name)[rows] for name in ("force", "used", "segments")
         }
         if self.external is not None:
-            chosen["external"] = self.external[rows]
+            kept["external"] = self.external[rows]
         if self.history is not None:
-            chosen["history"] = replace(self.history, rows=self.history.rows[rows])
-        return replace(self, motion=self.motion.select(rows), **chosen)
+            kept["history"] = replace(self.history, rows=self.history.rows[rows])
+        return replace(self, motion=self.motion.select(rows), **kept)
 
 
 # ---- wrenches of the surroundings ---------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -281,7 +281,7 @@ class ProgramDescription(Section):
 # ---- what is made of it -----------------------------------------------------------------------
 
 
-@record
+@record(checked="outside")
 class PlannedMotion:
     """A motion of a file, with its steps followed.
 
@@ -320,7 +320,7 @@ class MotionProgram:
     (('x_m', 'z_m', 'theta', 'psi'), 9)
     """
 
-    path: Path  # file it was read from
+    path: Path = field(compare=False)  # file it was read from
     # The c coordinates that all motions move: platform coordinates or joints
     coordinates: tuple[str, ...]
     rate: float  # samples per second where none is given

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, checked, finite
+from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, checked, chosen, finite
 from loopid.errors import DataError, OptionError
 from loopid.kinematics.assembly import assemble
 from loopid.kinematics.measured import platform_motion
@@ -65,10 +65,12 @@ class JointMotion:
 
     def select(self, rows: BoolArray | IntArray | slice) -> JointMotion:
         """Some of the samples, by a mask (N,), by number or as a slice."""
+        rows = chosen(rows, "rows", len(self))
         return JointMotion(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def closed(self, robot: Robot, rows: IntArray | slice = slice(None)) -> ClosedMotion:
         """The motion of all joints, of all samples or some."""
+        rows = chosen(rows, "rows", len(self))
         state = self.configurations, self.velocities, self.accelerations
         return closed_motion(robot, *(each[rows] for each in state))
 

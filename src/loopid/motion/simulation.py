@@ -240,7 +240,7 @@ def simulate_log(
     noise: Noise | None = None,
     *,
     terms: str = "none",
-    cad_error: float = 0.0,
+    cad_error: NotNegative = 0.0,
     seed: int = 0,
 ) -> str:
     """The log that a robot would give while it follows a motion, as CSV for ``read_log``.

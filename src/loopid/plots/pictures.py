@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, spread_rows
+from loopid.arguments import FloatArray, checked, shaped, spread_rows
 from loopid.errors import OptionError
 from loopid.identification.estimates import Estimate
 from loopid.identification.prediction import Prediction
@@ -98,6 +98,7 @@ def forces_chart(
     time = run.motion.time
     predictions, some = {"fit": ("this fit", found.predicted)}, spread_rows(len(run), MOST_DOTS)
     if file is not None:
+        file = shaped(file, "file", *run.force.shape)
         predictions = {"file": ("the robot file", file), **predictions}
     chosen = run.actuators if motors is None else motors
     for motor in chosen:

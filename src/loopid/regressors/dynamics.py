@@ -126,6 +126,7 @@ class Pose:
     ((4,), (4, 2))
     """
 
+    @checked_late
     def __init__(
         self, robot: Robot, q: FloatArray, one: bool, parts: list[tuple[slice, TangentSpaces]]
     ) -> None:
@@ -133,7 +134,7 @@ class Pose:
         maps = [part.G for _, part in parts]
         self.maps = maps[0] if len(maps) == 1 else np.concatenate(maps)
         self.to_rows = self.maps.swapaxes(1, 2)  # (N, dof, nv)
-        self.q, self.G = self.answer(q), self.answer(self.maps)
+        self.q, self.G = self._answer(q), self._answer(self.maps)
 
     def __repr__(self) -> str:
         count = "one pose" if self.one else f"{len(self.configurations)} poses"
@@ -144,16 +145,22 @@ class Pose:
         """Of the first samples."""
         return self._parts[0][1]
 
-    def answer(self, found: FloatArray) -> FloatArray:
+    def _answer(self, found: FloatArray) -> FloatArray:
         """Without the axis of samples where there is one."""
         return np.asarray(found[0] if self.one else found)
 
+    @checked_late
     def gamma(self, v: FloatArray) -> FloatArray:
         """γ (N, k, nv), the acceleration due to velocities (N, k, nv) alone."""
+        count, given = len(self.configurations), np.shape(v)
+        if len(given) != 3 or given[::2] != (count, self.robot.model.nv):
+            shape = f"({count}, k, {self.robot.model.nv})"
+            raise DataError(f"v must have shape {shape}, not {given}", argument="v", given=given)
         if len(self._parts) == 1:
             return self.tangents.gamma(v)
         return np.concatenate([part.gamma(v[rows]) for rows, part in self._parts])
 
+    @checked_late
     def motion(self, v: FloatArray, a: FloatArray) -> ClosedMotion:
         """The motion with velocities and accelerations (N, nv) of the tree."""
         columns = np.concatenate([part.solver.matrices for _, part in self._parts])
@@ -213,7 +220,7 @@ class _Bodies:
 
     def inertia(self, pose: Pose) -> FloatArray:
         """Mass matrices (N, dof, dof)."""
-        if self.tree is not None:
+        if self.tree is not None and self.tree.depth_first:
             return pose.to_rows @ self.tree.mass_matrices(pose.configurations) @ pose.maps
         # What each acceleration costs.
         a = np.concatenate([0 * pose.to_rows[:, :1], pose.to_rows], axis=1)
@@ -500,7 +507,7 @@ class Dynamics:
     def gamma(self, u: FloatArray | Pose, du: FloatArray) -> FloatArray:
         """γ (nv,) or (N, nv), the acceleration due to velocities alone: a = G ü + γ."""
         pose = self.pose(u)
-        return pose.answer(pose.gamma(self._along(pose, du, "velocities"))[:, 0])
+        return pose._answer(pose.gamma(self._along(pose, du, "velocities"))[:, 0])
 
     def motion(
         self, u: FloatArray | Pose, du: FloatArray | None = None, ddu: FloatArray | None = None
@@ -508,17 +515,17 @@ class Dynamics:
         """Velocities and accelerations of all joints, (nv,) or (N, nv) each."""
         pose = self.pose(u)
         v, a = self._rates(pose, du, ddu)
-        return pose.answer(v[:, 0]), pose.answer(a[:, 0])
+        return pose._answer(v[:, 0]), pose._answer(a[:, 0])
 
     def platform_coordinates(self, u: FloatArray | Pose) -> FloatArray:
         """Coordinates (c,) or (N, c) of the platform that the robot declares."""
         pose = self.pose(u)
-        return pose.answer(coordinates_at(self.robot, pose.configurations))
+        return pose._answer(coordinates_at(self.robot, pose.configurations))
 
     def platform_jacobian(self, u: FloatArray | Pose) -> FloatArray:
         """Rates (c, dof) or (N, c, dof) of the platform coordinates, by the independent ones'."""
         pose = self.pose(u)
-        return pose.answer(platform_jacobian(self.robot, pose.configurations, pose.maps))
+        return pose._answer(platform_jacobian(self.robot, pose.configurations, pose.maps))
 
     # Forces.
 
@@ -529,7 +536,7 @@ class Dynamics:
         pose = self.pose(u)
         v, a = self._rates(pose, du, ddu)
         found = self._bodies.forces(pose, v, a) + self._of_joints(pose, v, a, self._laws)
-        return pose.answer(found[:, 0])
+        return pose._answer(found[:, 0])
 
     def forward(self, u: FloatArray | Pose, du: FloatArray, tau: FloatArray) -> FloatArray:
         """Accelerations (dof,) or (N, dof) under forces of the independent coordinates.
@@ -544,12 +551,12 @@ class Dynamics:
         pose = self.pose(u)
         bias = self.inverse(pose, du).reshape(-1, self.dof)
         left = samples(tau, self.dof, "forces", len(pose.configurations)) - bias
-        return pose.answer(_balanced(self.robot, self._inertia(pose), left))
+        return pose._answer(_balanced(self.robot, self._inertia(pose), left))
 
     def mass_matrix(self, u: FloatArray | Pose) -> FloatArray:
         """Mass matrix M (dof, dof) or (N, dof, dof), rotor inertias included."""
         pose = self.pose(u)
-        return pose.answer(self._inertia(pose))
+        return pose._answer(self._inertia(pose))
 
     def coriolis(self, u: FloatArray | Pose, du: FloatArray) -> FloatArray:
         """C (dof, dof) or (N, dof, dof) of Christoffel symbols, with which Ṁ - 2C is skew."""
@@ -558,14 +565,14 @@ class Dynamics:
         du = samples(du, self.dof, "velocities", len(pose.configurations))[:, None]
         v = np.concatenate([du + one, du - one], axis=1) @ pose.to_rows / 2
         plus, minus = np.split(self._bodies.forces(pose, v, pose.gamma(v)), 2, axis=1)
-        return pose.answer((plus - minus).swapaxes(1, 2))
+        return pose._answer((plus - minus).swapaxes(1, 2))
 
     def gravity(self, u: FloatArray | Pose) -> FloatArray:
         """Forces (dof,) or (N, dof) that hold the robot at rest, with springs and offsets."""
         pose = self.pose(u)
         v, a = self._rates(pose, None, None)
         springs = self._of_joints(pose, v, a, [law for law in self._laws if not law.friction])
-        return pose.answer((self._bodies.forces(pose, v, a) + springs)[:, 0])
+        return pose._answer((self._bodies.forces(pose, v, a) + springs)[:, 0])
 
     def friction(self, u: FloatArray | Pose, du: FloatArray) -> FloatArray:
         """Forces (dof,) or (N, dof) in joints that depend on their rates, or where they turned."""
@@ -573,7 +580,7 @@ class Dynamics:
         laws = [law for law in self._laws if law.friction]
         v = self._along(pose, du, "velocities")
         a = pose.gamma(v) if any(law.needs("load", "torque") for law in laws) else 0 * v
-        return pose.answer(self._of_joints(pose, v, a, laws)[:, 0])
+        return pose._answer(self._of_joints(pose, v, a, laws)[:, 0])
 
     def deviation(self, u: FloatArray | Pose, du: FloatArray, ddu: FloatArray) -> FloatArray:
         """Standard deviation (dof,) or (N, dof) of ``inverse`` by the covariance of the values."""
@@ -596,7 +603,7 @@ class Dynamics:
         pose = self.pose(u)
         v, a = self._rates(pose, du, ddu)
         laws = [law for law in self._laws if friction or not law.friction]
-        return pose.answer(self._columns(pose, v, a, laws)[:, 0])
+        return pose._answer(self._columns(pose, v, a, laws)[:, 0])
 
     def friction_regressor(self, u: FloatArray | Pose, du: FloatArray) -> FloatArray:
         """(dof, n) or (N, dof, n), ``friction`` per unit of each parameter."""
@@ -604,7 +611,7 @@ class Dynamics:
         v, a = self._rates(pose, du, None)
         K = np.zeros((len(v), 1, self.dof, len(self.values)))
         self._add(K, pose, v, a, [law for law in self._laws if law.friction])
-        return pose.answer(K[:, 0])
+        return pose._answer(K[:, 0])
 
     def mass_regressor(self, u: FloatArray | Pose) -> FloatArray:
         """(dof, dof, n) or (N, dof, dof, n), M per unit of each parameter.
@@ -615,7 +622,7 @@ class Dynamics:
         a = np.concatenate([0 * pose.to_rows[:, :1], pose.to_rows], axis=1)
         laws = [law for law in self._laws if not law.friction]
         K = self._columns(pose, np.zeros_like(a), a, laws)
-        return pose.answer(np.moveaxis(K[:, 1:] - K[:, :1], 1, 2))
+        return pose._answer(np.moveaxis(K[:, 1:] - K[:, :1], 1, 2))
 
     def payload_columns(self, link: str) -> FloatArray:
         """B (n, 10), or (n, 4) of a gravity model: a body π fixed to a link changes values by B π.

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, NotNegative
-from loopid.errors import ModelWarning, OptionError, RobotFileError, warn
+from loopid.errors import ModelWarning, OptionError, warn
 from loopid.kinematics.projection import ClosedMotion
 from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.records import record
@@ -396,23 +396,13 @@ def joint_state(robot: Robot, motion: ClosedMotion, name: str) -> JointState:
 def terms_of_file(robot: Robot) -> dict[str, dict[str, float]]:
     """Values of joint terms that the robot file gives, by coordinate and kind; NaN where unknown.
 
-    A spring without ``Fo`` is slack at zero. A RobotFileError names the joint of a term that is
-    none, or that the joint cannot have.
+    A spring without ``Fo`` is slack at zero.
     """
     found: dict[str, dict[str, float]] = {}
     for joint, values in robot.joint_values.items():
         found[joint] = dict(values)
         for kind, value in values.items():
-            place = f"{robot.source}: joint_terms: {joint}"
-            try:
-                term = joint_term(kind)
-            except OptionError as error:
-                raise RobotFileError(f"{place}: {error}", joint=joint, **error.facts) from error
-            if {"position", "slip"} & {*term.needs} and joint not in robot.joints:
-                raise RobotFileError(
-                    f"{place}: {kind} needs a joint with one coordinate", joint=joint, given=kind
-                )
-            for part in term.beside:
+            for part in joint_term(kind).beside:
                 found[joint].setdefault(part, nan if np.isnan(value) else 0.0)
     return found
 

@@ -182,14 +182,18 @@ class _Motions:
 
     def _slow_rates(self) -> list[float]:
         """Parts of the usual rate at which joint terms with a rate of their own show."""
-        terms, units = self.joint_terms, self.robot.coordinate_scales
-        return [
+        units = self.robot.coordinate_scales
+        kinds_of = self.joint_terms.of_joints if self.joint_terms else {}
+        slow = [
             min(1.0, 2 * joint_term(kind).at / (self.rate * units[index]))
-            for joint, kinds in (terms.of_joints if terms else {}).items()
+            for joint, kinds in kinds_of.items()
             for index in self.robot.velocity_indices([joint])[:1]
             for kind in kinds
             if "~" in kind
         ]
+        # In motion friction by direction is a constant force, too: at rest it is none.
+        directed = any({"Fc+", "Fc-"} & {*kinds} for kinds in kinds_of.values())
+        return [*slow, 0.0] if directed else slow
 
     def forces(
         self, robot: Robot, q: FloatArray, rates: FloatArray

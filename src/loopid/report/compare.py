@@ -63,7 +63,7 @@ def comparison_report(files: dict[str, FitFile]) -> Report:
         card=_card(names, pairs, verdict),
         sections=lambda: [
             Section("Parameters", (chart,)),
-            Section("Fits", (table_of("", RUN, record["runs"]), agreements)),
+            Section("Fits", (table_of("", RUN, record["runs"]), *([agreements] if pairs else []))),
         ],
     )
 

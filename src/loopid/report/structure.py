@@ -83,7 +83,8 @@ def check_report(robot: Robot) -> Report:
         f"and a singularity measure of {found['singularity_measure']:.3g} (1 is best)"
         + ("." if wrong else f": ready {ready}.")
     )
-    further = str(max(len(found["closures"]) - SOME, 0) or "")
+    closures = found["closures"][:SOME]
+    further = str(len(found["closures"]) - len(closures) or "")
     few = {"further closures": further, **_summary(found, FEW)}
     freedoms, of_motors = _freedoms(found).split(" ", 1)
     figures = (
@@ -97,7 +98,7 @@ def check_report(robot: Robot) -> Report:
         title=robot.name,
         verdict=verdict,
         record=found,
-        brief=[_closures_table("", found["closures"][:SOME]), facts("", few)],
+        brief=[*([_closures_table("", closures)] if closures else []), facts("", few)],
         sections=lambda: [
             Section("Closures and mobility", tuple(tables), short="Mobility"),
             Section("Joints", (joints,)),
@@ -252,7 +253,7 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         "": "what",
         ">value": lambda f: "" if f["value"] is None else f"{f['value']:.4g} {f['unit']}",
         ">of the rigid-body forces": "relative_size:.2g",
-        "included by": lambda force: force["included_by"] or "nothing",
+        "included by": lambda force: f"terms {OF_FILE}" if force["included_by"] else "nothing",
     }
     modes = {
         **{">mode": "mode", ">rank (full)": "rank", ">distance": "distance:.3f"},

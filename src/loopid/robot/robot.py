@@ -4,19 +4,28 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
-from pydantic import PositiveInt
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
+from pydantic import Field
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, Number, frozen, shaped
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Number,
+    chosen,
+    frozen,
+    numbers_of,
+    samples,
+    shaped,
+)
 from loopid.errors import DataError, OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.records import record
@@ -117,7 +126,8 @@ class Robot:
     ----------
     name : str
     path : Path or None
-        File it was loaded from; None where it was made in Python.
+        File it was loaded from, absolute; None where it was made in Python. Not compared: a robot
+        is what its files say, wherever they lie.
     model : pinocchio.Model
         The open tree. Never changed after loading.
     closures : tuple of LoopClosure
@@ -176,7 +186,7 @@ class Robot:
     """
 
     name: str
-    path: Path | None
+    path: Path | None = field(compare=False)
     model: pin.Model
     closures: tuple[LoopClosure, ...]
     actuated: tuple[str, ...]
@@ -245,7 +255,12 @@ class Robot:
     @property
     def source(self) -> str:
         """What messages call it: its file, or its name where it has none."""
-        return self.name if self.path is None else str(self.path)
+        if self.path is None:
+            return self.name
+        with suppress(FileNotFoundError):  # the working folder may be gone
+            if self.path.is_relative_to(Path.cwd()):
+                return str(self.path.relative_to(Path.cwd()))
+        return str(self.path)
 
     # Joints and their coordinates.
 
@@ -336,6 +351,7 @@ class Robot:
 
     def outside(self, q: FloatArray) -> BoolArray:
         """Which positions (N, nq) are outside the limits by more than ``OUTSIDE``."""
+        q = samples(q, self.model.nq, "q")
         (lower, upper), slack = self.position_limits, OUTSIDE * self.position_units
         outside: BoolArray = np.asarray((q < lower - slack) | (q > upper + slack), dtype=bool)
         for name in self.following:
@@ -402,9 +418,12 @@ class Robot:
 
     def supports(self, frame_ids: Iterable[int]) -> BoolArray:
         """Which coordinates move each of some frames; shape (frames, nv)."""
-        joints = [self.model.frames[k].parentJoint for k in frame_ids]
-        moved = [np.isin(self.joint_ids, list(self.model.supports[joint])) for joint in joints]
-        return np.array(moved, dtype=bool).reshape(-1, self.model.nv)
+        ids = numbers_of(frame_ids, "frame_ids", self.model.nframes)
+        joints = np.array([self.model.frames[k].parentJoint for k in ids], dtype=np.int64)
+        moved = np.zeros((len(joints), self.model.njoints), dtype=bool)
+        for joint in np.unique(joints):
+            moved[np.ix_(joints == joint, list(self.model.supports[int(joint)]))] = True
+        return moved[:, self.joint_ids]
 
     @cached_property
     def joint_ids(self) -> list[int]:
@@ -446,10 +465,8 @@ class Robot:
         """Closures and couplings, in groups that share no dependent coordinate."""
         owner, shared = self.row_closures, self.moving.copy()
         shared[:, self.velocity_indices(self.independent)] = False
-        count, group = connected_components(csr_array(shared @ shared.T), directed=False)
         loops = []
-        for k in range(count):
-            rows = np.flatnonzero(group == k)
+        for rows in connected(shared @ shared.T):
             closures = dict.fromkeys(self.closures[j] for j in owner[rows[rows < len(owner)]])
             loops.append(Loop(rows, np.flatnonzero(self.moving[rows].any(axis=0)), tuple(closures)))
         return tuple(loops)
@@ -526,7 +543,7 @@ class Robot:
         distinct = list(dict.fromkeys(names))
         return np.array([distinct.index(name) for name in names], dtype=np.int64)
 
-    def tie_matrix(self, width: PositiveInt) -> FloatArray:
+    def tie_matrix(self, width: Annotated[int, Field(ge=1, le=len(KINDS))]) -> FloatArray:
         """T with π = T π_tied, for ``width`` parameters a link.
 
         Links declared alike, as the legs of a parallel robot, share one set of parameters. The
@@ -574,7 +591,8 @@ class Robot:
 
     def draw_places(self, coordinates: IntArray) -> IntArray:
         """Which of k random values is that of each of k coordinates, given by velocity indices."""
-        return np.argsort(np.argsort(self.precedence[coordinates]))
+        own = chosen(coordinates, "coordinates", self.model.nv)
+        return np.argsort(np.argsort(self.precedence[own]))
 
     def standard_parameters(self, model: str = "full") -> FloatArray:
         """Values from the robot file in the order of ``parameters(model)``; shape (n,).
@@ -674,11 +692,21 @@ def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
     if equations:
         table = np.array(equations)
         ratios = np.exp(np.linalg.lstsq(table[:, :-1], table[:, -1])[0])
-        count, group = connected_components(csr_array(1.0 * (coupled.T @ coupled)), directed=False)
-        for own in (group == k for k in range(count)):
-            bodies = own & moving
-            ratios[own] /= ratios[bodies if bodies.any() else own].min()
+        for own in connected(coupled.T @ coupled):
+            bodies = own[moving[own]]
+            ratios[own] /= ratios[bodies if len(bodies) else own].min()
     return ratios
+
+
+def connected(links: BoolArray) -> list[IntArray]:
+    """Groups of things with links (n, n) both ways, also by others, ordered by their first members.
+
+    SciPy's ``connected_components`` takes a tenth of the start of a command to import.
+    """
+    reached = links | np.eye(len(links), dtype=bool)
+    while (further := 1.0 * reached @ reached > 0).sum() > reached.sum():
+        reached = further
+    return [np.flatnonzero(own) for k, own in enumerate(reached) if not own[:k].any()]
 
 
 def position_of(joint: pin.JointModel, q: FloatArray) -> FloatArray:

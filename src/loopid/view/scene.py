@@ -30,7 +30,7 @@ class Slider:
     high: float
 
 
-@record
+@record(checked="outside")
 class Pose:
     """What is where at a configuration, in m along the fixed axes.
 

@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import OptionError, optional
 from loopid.identification.result import Fit, load_fit
+from loopid.logs.mapping import LogMapping
 from loopid.logs.reading import read_recordings
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, joint_motion
@@ -200,10 +201,11 @@ class Viewer:
         draw.configure_environment_map(None)
         draw.add_light_ambient("/light", intensity=1.5)
         draw.add_light_directional("/sun", intensity=2.5, position=tuple(BEHIND))
+        solids = read_solids(self.scene.robot)
         self._solids = [
             (joint, draw.add_mesh_simple(f"/solids/{k}", mesh.vertices, mesh.faces, color=color,
                                          flat_shading=True))
-            for k, (joint, color, mesh) in enumerate(read_solids(self.scene.robot))
+            for k, (joint, color, mesh) in enumerate(solids)
         ]  # fmt: skip
         rods, cuts = np.ones((len(pose.rods), 3)), np.ones((2 * len(pose.closures), 3))
         self._rods = self._batch("/rods", creation.cylinder(1.0, 1.0, sections=12), rods, ROD)
@@ -222,7 +224,8 @@ class Viewer:
         self._labels = [
             draw.add_label(f"/labels/{k}", n, visible=False) for k, n in enumerate(names)
         ]
-        points = np.concatenate([pose.origins, *pose.rods, *pose.closures])
+        corners = (mesh.vertices @ pose.rotations[k].T + pose.origins[k] for k, _, mesh in solids)
+        points = np.concatenate([pose.origins[1:], *pose.rods, *pose.closures, *corners])
         low, high = points.min(axis=0), points.max(axis=0)
         reach = float(np.linalg.norm(high - low)) or 1.0
         middle, self._towards = (low + high) / 2, -BEHIND / np.linalg.norm(BEHIND)
@@ -379,7 +382,13 @@ def _turns_of_z(directions: FloatArray) -> FloatArray:
 
 
 @checked
-def open_viewer(robot: Robot, files: Sequence[str | Path] = (), *, port: Port = 8080) -> Viewer:
+def open_viewer(
+    robot: Robot,
+    files: Sequence[str | Path] = (),
+    *,
+    mapping: LogMapping | str | Path | None = None,
+    port: Port = 8080,
+) -> Viewer:
     """Show a robot with a log or a motion, which can be played, and with saved fits.
 
     Parameters
@@ -388,6 +397,8 @@ def open_viewer(robot: Robot, files: Sequence[str | Path] = (), *, port: Port = 
     files : sequence of path
         Saved fits, and a log or a motion file, whose first motion is meant, or a bundled robot's
         name for its motion.
+    mapping : LogMapping or path, optional
+        Which columns of a log are what; see ``read_log``.
     port : int
         See ``Viewer``.
 
@@ -411,7 +422,7 @@ def open_viewer(robot: Robot, files: Sequence[str | Path] = (), *, port: Port = 
             planned = read_motion_program(path).motion(rate=RATE)
             motions[path] = joint_motion(robot, planned)
         else:
-            motions[path] = read_recordings(robot, [path])[0].motion
+            motions[path] = read_recordings(robot, [path], mapping)[0].motion
     if len(motions) > 1:
         raise OptionError(f"only one log or motion can be played, not {', '.join(motions)}")
     return Viewer(robot, motion=next(iter(motions.values()), None), fits=fits, port=port)
