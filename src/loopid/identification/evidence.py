@@ -137,8 +137,8 @@ class Evidence:
         self.recorded = Undone(ones, ones, ones, own, own, (0.0,) * d)
         self.independent = np.zeros(d)  # samples of each
         self.independent[self.present] = LEAST_INDEPENDENT
-        self._choose_columns()
         self._forget()
+        self._choose_columns()
 
     def _forget(self) -> None:
         """Nothing is known of the samples yet."""
@@ -182,12 +182,16 @@ class Evidence:
     # Columns that explain forces.
 
     def _choose_columns(self) -> None:
-        """Combinations of the regressor's columns: those with an effect, and what is known."""
+        """Combinations of the regressor's columns: those with an effect, and what is known.
+
+        They are known along the motion as it was recorded from then on.
+        """
         robot, bodies = self.robot, self.robot.standard_parameters("full")
         named = () if self.joint_terms is None else self.joint_terms.parameters(robot)
         others = [not (one.link in self.names and one.kind in OWN) for one in named]
         self.kept, p = np.array([True] * len(bodies) + others), len(bodies)
-        K = np.add(*self._regressors(self.q, self.rates[:, :, 1:]))
+        regressors = self._regressors(self.q, self.rates[:, :, 1:])
+        K = np.add(*regressors)
         self.expected = np.sqrt(((K[:, :, :p] @ bodies) ** 2).mean(axis=0))
         per_force = 1 / np.where(self.expected > 0, self.expected, inf)
         joints = np.sqrt(((K[:, :, p:] * per_force[:, None]) ** 2).mean(axis=(0, 1)))
@@ -200,6 +204,8 @@ class Evidence:
         self.sensed = sensed.shape[1]
         self.columns = np.column_stack([block_diag(sensed, np.diag(flat)), known])
         self.possible = np.sqrt(((K @ self.columns) ** 2).mean(axis=0).sum(axis=1)) + TINY
+        closed = np.ones(len(self.q), dtype=bool)
+        self._motions[_pose(self.recorded)[:3]] = *self._along(regressors), closed
 
     def _regressors(self, q: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """K (N, d, p) at rest, and what velocities and accelerations (N, d, 2) add."""
@@ -249,14 +255,19 @@ class Evidence:
             q = np.where(found.assembled[:, None], found.configurations, self.robot.reference)
             regular = singularity_measure(self.robot, q) >= MaskOptions().singularity_threshold
             q[~regular], closed = self.robot.reference, found.assembled & regular
-        rest, moving = (K @ self.columns for K in self._regressors(q, moved))
+        along = *self._along(self._regressors(q, moved)), closed
+        parts = (np.split(one, len(new)) for one in along)
+        self._motions |= dict(zip(new, zip(*parts, strict=True), strict=True))
+
+    def _along(self, regressors: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Columns (S N, d, n + 1) of S motions at rest, and what rates add."""
+        rest, moving = (K @ self.columns for K in regressors)
         # Joint terms may be of any size: rates on another time axis need no other one.
         joints = slice(self.sensed, -1)
         rest[:, :, joints] += moving[:, :, joints]
         moving[:, :, joints] = 0.0
-        rest[:, :, -1] -= np.tile(self.external, (len(new), 1))
-        parts = (np.split(one, len(new)) for one in (rest, moving, closed))
-        self._motions |= dict(zip(new, zip(*parts, strict=True), strict=True))
+        rest[:, :, -1] -= np.tile(self.external, (len(rest) // len(self.external), 1))
+        return rest, moving
 
     def _lacking(self, position: FloatArray, forces: IntArray) -> FloatArray:
         """Forces over positions (S, N, d) of their own motors: columns (S N, d, (1 + DEGREE) d)."""
