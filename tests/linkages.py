@@ -204,8 +204,10 @@ LINKAGES = {
     "cam": cam(),
     "differential": differential(),
 }
-# One with each kind of equations and joints, for laws of all linkages in an ordinary run.
-ORDINARY = (
-    *("6d loop", "distance loop", "cable loop", "prismatic slider-crank", "bennett", "ball rssr"),
-    *("cross rssr", "redundant five-bar", "rack and pinion", "cam", "differential"),
+# Those that dynamics tell apart: balls that spin, redundant motors, couplings.
+MOVED = (
+    *("cable loop", "ball rssr", "cross rssr", "redundant five-bar", "rack and pinion", "cam"),
+    "differential",
 )
+# One with each kind of equations and joints, for laws of all linkages in an ordinary run.
+ORDINARY = ("6d loop", "distance loop", "prismatic slider-crank", "bennett", *MOVED)

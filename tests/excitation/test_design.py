@@ -32,13 +32,13 @@ def full(five_bar):
 
 
 @pytest.fixture(scope="module")
-def quick(gravity):
-    return loopid.design_motion(gravity, options=QUICK)
+def quick(gravity, once):
+    return once("quick design", lambda: loopid.design_motion(gravity, options=QUICK))
 
 
 @pytest.fixture(scope="module")
-def design(full):
-    return loopid.design_motion(full, options=GOOD)
+def design(full, once):
+    return once("good design", lambda: loopid.design_motion(full, options=GOOD))
 
 
 def test_the_motion_keeps_all_limits_by_an_independent_check(five_bar, design):

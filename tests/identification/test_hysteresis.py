@@ -49,13 +49,17 @@ def log_of(robot, seed, slip, noise=NOISE):
 
 
 @pytest.fixture(scope="module")
-def found(robot):
+def found(robot, once):
     """Of friction that builds up over 2 mrad, and of friction that jumps."""
-    model = loopid.force_model(robot, "full")
-    return {
-        slip: identify_unjudged(model, loopid.prepare(robot, log_of(robot, 2, slip)))
-        for slip in (0.0, SLIP)
-    }
+
+    def identified():
+        model = loopid.force_model(robot, "full")
+        return {
+            slip: identify_unjudged(model, loopid.prepare(robot, log_of(robot, 2, slip)))
+            for slip in (0.0, SLIP)
+        }
+
+    return once("hysteresis", identified)
 
 
 def test_what_an_encoder_does_not_resolve_says_nothing_of_friction(robot):

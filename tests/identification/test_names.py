@@ -1,7 +1,6 @@
 """No combination goes by one of its members; and the robot that stands beside the sums."""
 
 import re
-import warnings
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,18 +13,19 @@ from loopid.identification.saved import FitFile
 from loopid.parameters import Parameter
 from loopid.report.compare import comparison_report
 from loopid.report.look import json_text
+from made_runs import identify_unjudged
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
 
 @pytest.fixture(scope="module")
-def found():
-    robot = loopid.load("five_bar")
-    run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
-    model = loopid.force_model(robot, "full", "Fc,Fv,Ia")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return loopid.identify(model, [run])
+def found(load_once, once):
+    def identified():
+        robot = load_once("five_bar")
+        run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+        return identify_unjudged(loopid.force_model(robot, "full", "Fc,Fv,Ia"), run)
+
+    return once("names", identified)
 
 
 def test_names_are_unique_and_say_how_many_more(found):

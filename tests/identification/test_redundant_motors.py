@@ -88,15 +88,19 @@ def test_what_each_motor_measures_tells_the_truth(robot, model, motion, truth):
 
 
 @pytest.fixture(scope="module")
-def found(robot, model, tmp_path_factory):
+def found(robot, model, tmp_path_factory, once):
     """Identification from logs on disk, of motors without redundant ones telling more."""
-    folder, terms = tmp_path_factory.mktemp("logs"), (JointTerms(robot.actuated), FRICTION)
-    recordings = []
-    for seed in (1, 2):
-        path = folder / f"{seed}.csv"
-        path.write_text(logged(robot, run_of(robot, seed), terms, noise=NOISE, seed=seed))
-        recordings.append([quietly(loopid.prepare, robot, quietly(read_log, path, robot))])
-    return quietly(identify, model, recordings[0], validation=recordings[1])
+
+    def identified():
+        folder, terms = tmp_path_factory.mktemp("logs"), (JointTerms(robot.actuated), FRICTION)
+        recordings = []
+        for seed in (1, 2):
+            path = folder / f"{seed}.csv"
+            path.write_text(logged(robot, run_of(robot, seed), terms, noise=NOISE, seed=seed))
+            recordings.append([quietly(loopid.prepare, robot, quietly(read_log, path, robot))])
+        return quietly(identify, model, recordings[0], validation=recordings[1])
+
+    return once("redundant motors", identified)
 
 
 def test_logs_of_all_motors_give_bodies_and_friction(found, model, truth):

@@ -1,10 +1,13 @@
 """Assembly closes the loops on the branch of its start, sample by sample or along a trajectory."""
 
+import warnings
+
 import numpy as np
 import pytest
 
+import loopid
 from loopid import random_configurations
-from loopid.errors import AssemblyError, DataError, MobilityError, OptionError
+from loopid.errors import AccuracyWarning, AssemblyError, DataError, MobilityError, OptionError
 from loopid.kinematics import (
     Assembly,
     AssemblyOptions,
@@ -15,7 +18,8 @@ from loopid.kinematics import (
     measured_coordinates,
     platform_coordinates,
 )
-from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.assembly import closed_configurations, try_assemble
+from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import partition
 
 STROKES = ("leg1_stroke", "leg2_stroke", "leg3_stroke", "leg4_stroke")
@@ -467,3 +471,32 @@ def test_a_smooth_trajectory_takes_few_newton_steps_a_sample(knee, monkeypatch):
     monkeypatch.setattr(kind, "linearise", counted)
     assemble(knee, values, trajectory=True)
     assert sum(counts) < 4 * 4000
+
+
+@pytest.mark.parametrize("name", ["five_bar", "3ups_rpu", "delta"])
+def test_configurations_of_soft_constraints_are_closed_where_their_motors_are(load_once, name):
+    """Loops that are open by some 1e-4 of the robot, as a simulator leaves them."""
+    robot, rng = load_once(name), np.random.default_rng(4)
+    q = loopid.random_configurations(robot, 40)
+    own = robot.velocity_indices(robot.independent)
+    steps = 3e-4 * robot.coordinate_scales * rng.normal(size=(40, robot.model.nv))
+    steps[:, own] = 0.0
+    soft = integrate(robot, q, steps)
+    with pytest.raises(DataError, match=r"closed_configurations\(robot, q\) closes it") as said:
+        loopid.kinematics.project(robot, soft)
+    assert said.value.facts["given"] > said.value.facts["tolerance"]
+    with pytest.warns(AccuracyWarning, match=rf"loops of {name} were open by up to .* m, 0\.00"):
+        closed = closed_configurations(robot, soft)
+    loopid.kinematics.project(robot, closed)
+    np.testing.assert_allclose(closed, q, atol=1e-8)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # what is closed is not worth a word
+        np.testing.assert_allclose(closed_configurations(robot, closed), closed, atol=1e-12)
+
+
+def test_what_is_open_by_more_is_not_taken_for_a_soft_constraint(load_once):
+    robot = load_once("five_bar")
+    far = robot.reference + np.array([0, 0.5, 0, 0])
+    with pytest.raises(DataError, match=r"sample 0 is open by .* more than a soft") as said:
+        closed_configurations(robot, far)
+    assert said.value.facts["given"] > said.value.facts["tolerance"]

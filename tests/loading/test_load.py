@@ -23,8 +23,8 @@ def test_the_bundled_names_are_those_of_the_committed_pairs(urdf_folder):
 
 
 @pytest.mark.parametrize("name", bundled_robots())
-def test_a_bundled_robot_loads_closed_and_determined(name):
-    mechanism = loopid.load(name)
+def test_a_bundled_robot_loads_closed_and_determined(name, load_once):
+    mechanism = load_once(name)
     assert mechanism.path == bundled_directory() / f"{name}.yaml"
     assert np.abs(constraint_residual(mechanism, mechanism.reference)).max() < 1e-10
     found = mobility(mechanism)

@@ -179,9 +179,13 @@ def determinant(pose, step=1e-6):
 
 
 @pytest.fixture(scope="module")
-def followed(program, knee):
+def followed(program, knee, once):
     """What all joints do in each of the nine."""
-    return {name: joint_motion(knee, program.motion(name, RATE)) for name in TABLE}
+
+    def moved():
+        return {name: joint_motion(knee, program.motion(name, RATE)) for name in TABLE}
+
+    return once("nine trajectories", moved)
 
 
 def test_strokes_stay_inside_their_limits(motion):

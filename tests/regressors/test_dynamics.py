@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 import loopid
 from bank_robots import few_of
-from linkages import LINKAGES, ORDINARY
+from linkages import LINKAGES, MOVED
 from loopid import Dynamics, random_configurations
 from loopid.base_parameters.rank import DoubtfulCombination
 from loopid.errors import AssemblyError, DataError, MobilityError, OptionError, SingularityError
@@ -31,7 +31,7 @@ from loopid.kinematics.measured import platform_motion
 COUNT = 5
 # Redundant rows, couplings, joints without end, balls that spin, redundant motors, floating bases.
 OTHERS = ("3ups_rpu", "delta", "endless", "flying")
-ROBOTS = few_of((*LINKAGES, "6ups", *OTHERS), *ORDINARY, *OTHERS)
+ROBOTS = few_of((*LINKAGES, "6ups", *OTHERS), *MOVED, *OTHERS)
 FITTED = few_of(loopid.bundled_robots(), "3ups_rpu", "five_bar")
 
 

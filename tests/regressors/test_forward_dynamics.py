@@ -10,14 +10,14 @@ import loopid
 import pinocchio_loops
 from bank_robots import few_of
 from closure_robots import body
-from linkages import LINKAGES, ORDINARY
+from linkages import LINKAGES, MOVED
 from loopid import Dynamics, random_configurations
 from loopid.base_parameters import find_base
 from loopid.errors import DataError, SingularityError
 from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import motion_regressor, structural_observation
 
-ROBOTS = few_of((*LINKAGES, "3ups_rpu", "flying"), *ORDINARY, "3ups_rpu", "flying")
+ROBOTS = few_of((*LINKAGES, "3ups_rpu", "flying"), *MOVED, "3ups_rpu", "flying")
 GEPETTO = ("5bar_linkage", "5bar_linkage_iso3d", "robot_delta", "digit_like", "talos_like")
 WITHOUT_AXES = ("3d loop", "6d loop", "3d four-bar", "6d four-bar", "ball rssr",
                 "redundant five-bar")  # fmt: skip

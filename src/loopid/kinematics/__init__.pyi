@@ -1,4 +1,9 @@
-from .assembly import Assembly as Assembly, AssemblyOptions as AssemblyOptions, assemble as assemble
+from .assembly import (
+    Assembly as Assembly,
+    AssemblyOptions as AssemblyOptions,
+    assemble as assemble,
+    closed_configurations as closed_configurations,
+)
 from .closing import displaced as displaced
 from .constraint import (
     constraint_drift as constraint_drift,

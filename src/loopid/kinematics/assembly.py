@@ -29,10 +29,11 @@ from loopid.arguments import (
     rectangular,
     samples,
 )
-from loopid.errors import AssemblyError
+from loopid.errors import AccuracyWarning, AssemblyError, DataError, warn
+from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.measured import Linearisation, MeasuredCoordinates, measured_coordinates
-from loopid.kinematics.poses import blocks, integrate
-from loopid.kinematics.projection import Solver
+from loopid.kinematics.poses import blocks, difference, integrate
+from loopid.kinematics.projection import OPEN, SOFT, Solver
 from loopid.records import record
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
@@ -199,6 +200,81 @@ def try_assemble(
         with one_blas_thread():
             return follow_trajectory(measured, q[0], targets, options)
     return follow_paths(measured, q, targets, options)
+
+
+@checked
+def closed_configurations(robot: Robot, configurations: FloatArray) -> FloatArray:
+    """Close the loops of configurations that are a little open, as those of soft constraints.
+
+    Simulators such as MuJoCo let equalities give way, by some thousandths of the robot's length.
+    The independent coordinates stay as they are. All others go to where the loops close, on the
+    same assembly branch.
+
+    Parameters
+    ----------
+    robot : Robot
+    configurations : FloatArray
+        (N, nq) in m and rad, open by at most ``SOFT`` of the robot's length.
+
+    Returns
+    -------
+    FloatArray
+        (N, nq), closed as ``assemble`` does.
+
+    Raises
+    ------
+    DataError
+        Naming the loop that is open by more.
+    AssemblyError
+        Where loops cannot be closed from there.
+
+    Warns
+    -----
+    AccuracyWarning
+        By how much loops were open, where this is more than ``OPEN`` of the robot's length, and
+        how far the other coordinates went.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> q = robot.reference + [0, 1e-6, 0, 0]  # what a soft constraint leaves open
+    >>> closed = loopid.kinematics.closed_configurations(robot, q)
+    >>> bool(abs(loopid.kinematics.constraint_residual(robot, closed)).max() < 1e-10)
+    True
+    """
+    measured, q = measured_coordinates(robot), samples(configurations, robot.model.nq, "q")
+    before, length = np.abs(robot.row_scales * constraint_residual(robot, q)), robot.length
+    if before.max(initial=0.0) > SOFT * length:
+        k, row = np.unravel_index(int(before.argmax()), before.shape)
+        raise DataError(
+            f"{robot.row_names[row]} of sample {k} is open by {before[k, row]:.3g} m, more than a "
+            f"soft constraint leaves ({SOFT:g} of the robot's length of {length:.3g} m): give the "
+            "positions of the independent coordinates to loopid.kinematics.assemble",
+            argument="configurations",
+            given=float(before[k, row]),
+            tolerance=SOFT * length,
+        )
+    parts = []
+    with one_blas_thread():
+        for rows in blocks(len(q)):
+            targets = measured.read(q[rows])
+            found = correct(measured, q[rows].copy(), targets, USUAL.short)
+            residual, small = _closed(measured, found.configurations, targets, USUAL)
+            near = np.abs(difference(robot, q[rows], found.configurations)).max(axis=1, initial=0.0)
+            good = found.accepted & small & (near <= LONGEST_STEP * max(1.0, length))
+            tolerance = largest_opening(robot)
+            parts.append(Assembly(found.configurations, residual, good, tolerance))
+    closed = required(Assembly.joined(parts)) if parts else q
+    if before.max(initial=0.0) > OPEN * length:
+        steps = np.abs(difference(robot, q, closed) / robot.coordinate_scales)
+        warn(
+            f"loops of {robot.name} were open by up to {before.max():.3g} m, "
+            f"{before.max() / length:.2g} of its length: to close them, joints went up to "
+            f"{steps.max():.2g} rad or lengths",
+            AccuracyWarning,
+        )
+    return closed
 
 
 def required(outcome: Assembly) -> FloatArray:

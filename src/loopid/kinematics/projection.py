@@ -27,6 +27,12 @@ from loopid.robot.robot import RANK_TOLERANCE, Robot, connected
 NEAR_SINGULARITY = 1e-3
 # Part of the robot's length by which loops may be open: a configuration with four digits is closed.
 OPEN = 1e-4
+# The same of configurations of simulators whose constraints give way, which can be closed.
+SOFT = 1e-2
+CLOSES = "loopid.kinematics.closed_configurations(robot, q) closes it where its motors are"
+OTHERWISE = (
+    "loopid.Dynamics(robot).pose(u).q is closed, for positions u of the independent coordinates"
+)
 LARGE = 400  # entries of a matrix that is worth looking at for blocks
 
 
@@ -466,10 +472,11 @@ def _require_closed(constraint: Constraint, name: str, first: int = 0) -> None:
     most = max(OPEN * robot.length, 2.0 * robot.closure_residual)
     if residual.max(initial=0.0) > most:
         k, row = np.unravel_index(int(residual.argmax()), residual.shape)
+        soft = residual[k, row] <= SOFT * robot.length
         raise DataError(
             f"{name} must be closed, but {robot.row_names[row]} of sample {first + k} is open by "
-            f"{residual[k, row]:.3g} m (at most {most:.3g} m): loopid.Dynamics(robot).pose(u).q is "
-            "closed, for positions u of the independent coordinates",
+            f"{residual[k, row]:.3g} m (at most {most:.3g} m): "
+            f"{CLOSES if soft else OTHERWISE}",
             argument=name,
             given=float(residual[k, row]),
             tolerance=most,
