@@ -49,6 +49,8 @@ def desk(tmp_path, load_once, monkeypatch):
     """A folder with what the pages say that their reader has: robots, a log, a fit of another."""
     for name in ("urdf", "examples"):
         shutil.copytree(ROOT / name, tmp_path / name)
+    for log in (tmp_path / "urdf" / "logs").iterdir():
+        log.write_text(first_rows(log.stem, 600))
     shutil.copy(ROOT / "examples" / "leg.urdf", tmp_path)
     model = loopid.force_model(load_once("five_bar"), "full", "Fc,Fv")
     (tmp_path / "found").mkdir()

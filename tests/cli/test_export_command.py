@@ -17,6 +17,7 @@ from loopid.identification import Fit, load_fit
 from loopid.identification.quality import Quality
 from loopid.kinematics import closed_motion
 from loopid.regressors import motion_regressor
+from made_runs import first_rows
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 ROOT = Path(__file__).parents[2] / "urdf"
@@ -48,7 +49,7 @@ def saved(folder, robot="five_bar", model="gravity", kinds=("Fc", "Fv"), factor=
     return found, values, loopid.Fit.of(found, fit).save(folder / "parameters.yaml")
 
 
-@pytest.mark.parametrize("model", ["gravity", "full"])
+@pytest.mark.parametrize("model", [pytest.param("gravity", marks=pytest.mark.validate), "full"])
 def test_everything_at_once(run_json, tmp_path, model):
     pytest.importorskip("casadi", reason="needs pip install 'loopid[codegen]'")
     found, values, fit = saved(tmp_path, model=model)
@@ -87,7 +88,8 @@ def test_a_fit_of_a_log_with_a_mistake_is_refused_unless_asked_for_anyway(run, t
 
 
 def test_a_report_is_written_of_a_fit_that_is_not(run, tmp_path):
-    folder, log = tmp_path / "out", "urdf/logs/five_bar.csv"
+    folder, log = tmp_path / "out", tmp_path / "run.csv"
+    log.write_text(first_rows("five_bar"))
     own = "--terms", "Fc,Fv,Fs~0.004,Fs~0.005", "--estimator", "ols"
     refused = run("identify", "five_bar", log, *own, "--out", folder)
     assert refused.code == 0

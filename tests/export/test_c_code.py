@@ -306,7 +306,7 @@ def hand_made(*kinds):
     return Robot("hand made", Path("none"), model, (), names, tuple(bodies), pin.neutral(model))
 
 
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.validate), 2])
 def test_screws(compiled, count):
     rng = np.random.default_rng(0)
     axis = np.linalg.qr(rng.standard_normal((3, 3)))[0][2]
