@@ -16,6 +16,7 @@ from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.findings import PAGE
 from loopid.identification import log_faults
+from loopid.identification.evidence import Evidence
 from loopid.identification.log_mistakes import _Find
 from loopid.identification.log_timing import late_by_seconds
 from loopid.kinematics import measured_coordinates
@@ -460,3 +461,15 @@ def test_a_base_that_is_not_mounted_as_the_file_has_it_is_named(mounted, gravity
 def test_no_size_is_named_whose_interval_is_wider_than_itself(reach, worth):
     found = _Find("ratio", (0,), after=None, evidence=0.0, size=10.0, reach=reach)
     assert found.worth(None) == worth
+
+
+def test_a_mistake_of_positions_shows_in_the_force_of_any_motor(load_once):
+    robot = load_once("five_bar")
+    model = Evidence(robot, [record(robot, wander(robot, 0, seconds=5.0, rate=40.0))], None)
+    plain = model.weighed(model.recorded)._replace(error=np.array([0.1, 0.5]))
+    after = plain._replace(error=np.array([0.11, 0.1]))
+    zero = _Find("zero", (0,), after, plain.evidence + 9.0, 0.3, 0.05).finding(model, plain)
+    figures = re.search(
+        r"are (\S+) % of the force of right_crank_joint instead of (\S+) %", zero.why
+    )
+    assert float(figures[1]) == pytest.approx(float(figures[2]) / 5, rel=0.1)
