@@ -141,7 +141,9 @@ def predict(
         None, metavar="FILE", help="The fit's robot; by default where it was then."
     ),
     mapping: str | None = MAPPING,
-    cutoff: float | None = CUTOFF,
+    cutoff: float | None = Option(
+        None, help="Cut-off of the low-pass filter in Hz; by default that of the fit."
+    ),
     rows: str | None = ROWS,
 ) -> None:
     """Predict the forces of logs with a saved fit."""

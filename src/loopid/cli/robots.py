@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -379,7 +380,7 @@ def init(
     options = {"floating_base": floating_base, "xacro": macro_arguments(xacro)}
     with progress_bar("robot"):
         yaml, mapping = write_in_words(
-            file, log, out, options, lambda text: in_options(text, context)
+            file, log, out, options, partial(in_options, context=context)
         )
     typer.echo(next_commands(yaml, log or "LOG", mapping))
 
