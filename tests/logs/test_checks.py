@@ -4,6 +4,7 @@ import re
 from itertools import chain
 
 import numpy as np
+import pinocchio as pin
 import polars
 import pytest
 from simulated_logs import table
@@ -403,3 +404,21 @@ def test_rows_in_another_order_are_refused_and_sorted_as_advised():
             Log.from_frame(frame, ["crank"])
     read = Log.from_frame(shuffled.sort("time"), ["crank"])
     assert read == Log.from_frame(whole, ["crank"])
+
+
+def test_the_unit_of_hinges_is_not_advised_for_slides():
+    """One number for all would scale the slide, too."""
+    model = pin.Model()
+    for name, joint in (("turn", pin.JointModelRZ()), ("lift", pin.JointModelPZ())):
+        model.addJoint(
+            model.njoints - 1, joint, pin.SE3.Identity(), name, *np.array([[9.0], [9], [-2], [2]])
+        )
+        model.appendBodyToJoint(
+            model.njoints - 1, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity()
+        )
+    robot = loopid.from_pinocchio(model)
+    time = np.arange(0.0, 5.0, 0.01)
+    motion = np.stack([90 * np.sin(time), np.cos(time)], axis=1)
+    log = loopid.Log.from_arrays(time, motion, motion, robot.actuated)
+    with pytest.raises(LogError, match=r"position_scale: \{turn: 0.0174533\} in a mapping"):
+        check_log(robot, log)

@@ -174,7 +174,12 @@ def _inside_limits(robot: Robot, stream: Stream) -> Stream:
             )
             if refused:
                 straight = robot.velocity_indices([joint])[0] in robot.prismatic
-                advice = _advice(straight, lower, upper, values)
+                every = [each for each, _ in stream.signals("position")]
+                slides = [robot.velocity_indices([each])[0] in robot.prismatic for each in every]
+                alike = [each for each, s in zip(every, slides, strict=True) if s == straight]
+                # A number for all would scale hinges and slides.
+                mixed = () if len(alike) == len(every) else tuple(alike)
+                advice = _advice(straight, lower, upper, values, mixed)
                 facts = {"joint": joint, "limits": (lower, upper), "given": worst}
                 raise stream.refused(f"{said}; {advice}", **facts)
             warn(f"{stream.source}: {said}: kept", DataWarning)
@@ -182,14 +187,20 @@ def _inside_limits(robot: Robot, stream: Stream) -> Stream:
     return stream.without(lost, "positions far outside the limits of their joints")
 
 
-def _advice(straight: bool, lower: float, upper: float, values: FloatArray) -> str:
-    """What change of unit or origin would bring values (R,) inside limits."""
+def _advice(
+    straight: bool, lower: float, upper: float, values: FloatArray, alike: tuple[str, ...]
+) -> str:
+    """What change of unit or origin would bring values (R,) inside limits.
+
+    ``alike`` are the joints to be scaled; none where these are all.
+    """
     for name, factor in (OTHER_LENGTHS if straight else OTHER_ANGLES).items():
         scaled = values * factor
         if ((scaled >= lower) & (scaled <= upper)).mean() >= FITTING:
+            scale = ", ".join(f"{each}: {factor:.6g}" for each in alike)
             return (
-                f"times {name} they would fit: give position_scale in a mapping, or units of "
-                "Log.from_arrays"
+                f"times {name} they would fit: give position_scale"
+                f"{f': {{{scale}}}' if alike else ''} in a mapping, or units of Log.from_arrays"
             )
     if np.ptp(values) <= upper - lower:
         return "with another zero, position_offset in a mapping, they would fit"
