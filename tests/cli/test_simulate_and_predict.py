@@ -64,8 +64,12 @@ def test_another_robot_is_refused(saved, sweep):
     with pytest.raises(loopid.LoopidError, match="this is a fit of five_bar"):
         loopid.load_fit(saved, robot=four_bar)
     other = replace(sweep, actuators=("crank_joint", "rocker_joint"))
-    with pytest.raises(loopid.LoopidError, match="but the fit of left_crank_joint"):
+    with pytest.raises(loopid.LoopidError, match="has left_crank_joint"):
         loopid.load_fit(saved).predict(other)
+    with pytest.raises(loopid.LoopidError, match="prepare its log with this robot"):
+        loopid.identify(loopid.load("five_bar"), other)
+    with pytest.raises(loopid.LoopidError, match="prepare its log with this robot"):
+        loopid.load_fit(saved).model.samples(other)
 
 
 def test_scaled_bodies_stay_bodies(five_bar):

@@ -1,5 +1,6 @@
 import sys
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -19,6 +20,14 @@ QUICK = DesignOptions(
 )
 FINE = replace(QUICK, rate=100.0)
 GOOD = replace(FINE, noise=0.01, evaluations=8, size=None)  # enough to gain
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_start():
+    """One random motion is tried to start from: how good the first one is, is no matter."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(import_module("loopid.excitation.search"), "DRAWS", 1)
+        yield
 
 
 @pytest.fixture(scope="module")

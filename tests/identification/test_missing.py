@@ -1,6 +1,7 @@
 """Forces that a model lacks: which, how large, and what they would save; none where none is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import loopid
 from bank_robots import few_of
 from loopid import JointTerms
 from loopid.identification.lengths import length_forces
+from loopid.identification.missing import _slow
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
 from loopid.logs import Recording
@@ -180,6 +182,21 @@ def test_intervals_hold_a_length_that_is_off_by_less_than_is_clear(robot, model)
     assert off(found, robot).max() < 2.5
     plain = found["consistent"].fit.covariance - np.outer(length.bias, length.bias)
     assert (np.sqrt(np.diag(plain)) < found.fit.standard_errors / 2).any()
+
+
+@pytest.mark.parametrize("larger", [1.0, 3.0])
+def test_lengths_are_not_found_by_errors_around_reversals(larger):
+    time = np.arange(0.0, 20.0, 0.02)
+    rates = np.stack([np.cos(time), np.cos(1.3 * time)], axis=1)
+    errors = np.random.default_rng(0).normal(size=rates.shape)
+    errors[np.abs(rates[:, 0]) < 0.2, 0] *= larger
+    samples = SimpleNamespace(used=np.abs(rates) > 0.02, residual=lambda values: errors)
+    fit = SimpleNamespace(samples=samples, result=SimpleNamespace(values=None))
+    left_out = _slow(fit, [SimpleNamespace(motion=SimpleNamespace(velocities=rates))])
+    assert left_out.any() == (larger > 1)
+    assert not left_out[np.abs(rates) > 0.5].any()
+    assert not left_out[~samples.used].any()
+    assert (np.abs(rates[samples.used & ~left_out]) > 0.2).all() == (larger > 1)
 
 
 def test_forces_of_a_length_are_those_of_a_robot_with_that_length(robot, model):

@@ -139,3 +139,18 @@ def test_a_closed_loop_is_not_locked(write_files, tmp_path):
     linkage = loopid.load(write_files(*files(*loop("hinge"))))
     log = write_motors(tmp_path / "log.csv", linkage.joints[0])
     assert locked_as_logged(linkage, log) is linkage
+
+
+def test_rotors_on_the_base_that_turn_with_a_logged_joint_are_not_locked(tmp_path):
+    """They stand apart from the arm, and one turns with another."""
+    rotors = [
+        joint(name, "ground", f"{name}_body").replace(
+            "</joint>", f'<mimic joint="{leader}" multiplier="6"/></joint>'
+        )
+        for name, leader in (("rotor", "joint1"), ("belt", "rotor"))
+    ]
+    parts = [*chain(3), body("rotor_body"), body("belt_body"), *rotors]
+    (path := tmp_path / "arm.urdf").write_text(urdf(*parts))
+    robot = loopid.load(path)
+    log = write_motors(tmp_path / "log.csv", "joint1", "joint2", "joint3")
+    assert locked_as_logged(robot, log) is robot

@@ -37,7 +37,6 @@ WHITE = 0.001
 # the one before. Parts of a correction that are tried, until one leaves enough of the innovations'
 # variance. Part of the variance that is no change.
 CORRECTIONS, DAMPING, KEPT, SAME = 6, (1.0, 0.5, 0.25, 0.125, 0.0), 0.5, 1e-6
-NOTHING = 1e-16  # autocovariances, as part of the variance, that are round-off
 TINY = np.finfo(float).tiny
 
 Pieces = tuple[slice, ...]  # rows of evenly sampled segments, whose errors are independent
@@ -110,11 +109,6 @@ class Autoregression:
         found, _ = dtbtrs(bands, right[:, None], uplo="L", diag="U")
         return np.asarray(found[:, 0])
 
-    def reach(self, count: int) -> int:
-        """The lag, at most a count, from which on autocovariances are round-off."""
-        lags = np.abs(self.lags(count))
-        return int(np.flatnonzero(lags >= NOTHING * lags[0])[-1]) + 1
-
     def sum_variance(self, pairs: FloatArray) -> float:
         """Variance of the sum of errors, of which there are so many ``pairs_apart`` (K,)."""
         return float(self.lags(len(pairs)) @ pairs)
@@ -127,32 +121,29 @@ class Autoregression:
 
 
 class Spectra(NamedTuple):
-    """Spectra of m signals (m, N), each of whose pieces is followed by zeros.
+    """Spectra of m signals (m, N), each of whose pieces is followed by as many zeros.
 
     Ω X of a stationary process is then a product of spectra [Golub2013, 4.8]. Made once, those of X
-    serve any model whose autocovariances reach no further than the zeros.
+    serve any model.
     """
 
     pieces: Pieces
     sizes: tuple[int, ...]  # samples of each piece, the zeros included
     each: tuple[NDArray[np.complex128], ...]
     powers: tuple[FloatArray, ...]  # of all signals together
-    reach: int  # of the autocovariances, in samples
 
     @classmethod
-    def of(cls, signals: FloatArray, pieces: Pieces, reach: int | None = None) -> Spectra:
-        """Of signals (m, N), followed by as many zeros as each piece is long, or by fewer."""
-        lengths = [piece.stop - piece.start for piece in pieces]
-        reach = max(lengths) if reach is None else min(reach, max(lengths))
-        sizes = tuple(fast_length(length + min(length, reach)) for length in lengths)
+    def of(cls, signals: FloatArray, pieces: Pieces) -> Spectra:
+        """Of signals (m, N)."""
+        sizes = tuple(fast_length(2 * (piece.stop - piece.start)) for piece in pieces)
         parts = zip(pieces, sizes, strict=True)
         each = tuple(np.fft.rfft(signals[:, piece], size) for piece, size in parts)
         powers = tuple((one.real**2 + one.imag**2).sum(axis=0) for one in each)
-        return cls(pieces, sizes, each, powers, reach)
+        return cls(pieces, sizes, each, powers)
 
     def densities(self, model: Autoregression) -> list[FloatArray]:
         """Spectra of a model for the lengths of the pieces."""
-        found, longest = [], model.lags(self.reach)
+        found, longest = [], model.lags(max(piece.stop - piece.start for piece in self.pieces))
         for piece, size in zip(self.pieces, self.sizes, strict=True):
             lags = longest[: piece.stop - piece.start]
             even = np.concatenate([lags, np.zeros(size + 1 - 2 * len(lags)), lags[:0:-1]])
@@ -172,15 +163,6 @@ class Spectra(NamedTuple):
         found = np.zeros(count)
         for size, power, density in zip(self.sizes, self.powers, densities, strict=True):
             found += np.fft.irfft(power * density, size)[:count]
-        return found
-
-    def products(self, matrix: FloatArray, count: int) -> FloatArray:
-        """Σ_t x_t · (M x)_{t+k} of a symmetric M (m, m) for k below a count, over all t."""
-        found = np.zeros(count)
-        for size, own in zip(self.sizes, self.each, strict=True):
-            parts = own.view(np.float64)
-            power = np.einsum("mf,mf->f", parts, matrix @ parts).reshape(-1, 2).sum(axis=1)
-            found += np.fft.irfft(power, size)[:count]
         return found
 
     def covariance(self, densities: Sequence[FloatArray]) -> FloatArray:
@@ -395,14 +377,15 @@ class ErrorModel:
         self._used = np.zeros(count, dtype=bool)
         self._columns = x = np.zeros((self._turn.shape[1], count))
         self._used[rows], x[:, rows] = used, (columns @ self._turn).T
-        self._reach = 0
+        self._spectra = Spectra.of(x, self._pieces)
+        self._grams = np.array([x[:, : count - k] @ x[:, k:].T for k in range(lags)])
         near = np.convolve(self._used, np.ones(2 * lags - 1), "same") > 0.5
         self._edges = np.flatnonzero(near & ~self._used)
         # How many pairs of used samples are so far apart.
         pairs = [(self._used[: count - k] & self._used[k:]).sum() for k in range(lags)]
         self._pairs = np.array(pairs)
         self.samples = int(self._pairs[0])
-        freedom = max(self.samples - float(np.vdot(x, x)), 1.0)
+        freedom = max(self.samples - float(np.trace(self._grams[0])), 1.0)
         start = Autoregression.of_covariances(self._observed * self.samples / freedom)
         self._least_innovation = KEPT * start.variance * freedom / self.samples
         self._adopt(start)
@@ -413,7 +396,7 @@ class ErrorModel:
         With ``sums`` (n, n) those over all actuators.
         """
         own = self._turn.T @ sums @ self._turn
-        left = self._spectra.products(own, len(self._shared))
+        left = np.tensordot(self._grams[: len(self._shared)], own)
         return np.asarray(self._shared - left, dtype=np.float64)
 
     def correct(self, sums: FloatArray) -> None:
@@ -445,10 +428,6 @@ class ErrorModel:
         all t it is a product of spectra. Unused rows next to used ones are then taken off.
         """
         self.model, x, near = model, self._columns, self._edges
-        reach = model.reach(max(piece.stop - piece.start for piece in self._pieces))
-        if reach > self._reach:
-            self._reach = 2 * reach  # models of the next rounds reach a little further
-            self._spectra = Spectra.of(x, self._pieces, self._reach)
         densities, lags = self._spectra.densities(model), range(model.order + 1)
         turned = self._spectra.turned(densities)
         self.sums = self._turn @ (x @ turned.T) @ self._turn.T

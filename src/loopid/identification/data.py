@@ -12,7 +12,7 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.force_models import ForceModel
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare
-from loopid.logs.recording import Recording
+from loopid.logs.recording import Recording, require_robot
 from loopid.motion.simulation import Measurement
 from loopid.robot.robot import Robot
 
@@ -92,6 +92,7 @@ def require_no_repetition(recordings: Sequence[Recording]) -> None:
 
 def _recording(robot: Robot, data: Any, mapping: Any) -> Recording:
     if isinstance(data, Recording):
+        require_robot(data, robot)
         return data
     if isinstance(data, str | Path):
         from loopid.logs.reading import read_log  # where files are read

@@ -326,16 +326,19 @@ class Evidence:
         columns, power = (np.stack(one) for one in zip(*friction, strict=True))
         columns = columns[..., kept] * weight
         columns[..., -1] /= np.array([one.gain for one in undone])[:, :, None]
+        without = np.zeros(gain.shape, dtype=bool)  # motors whose friction does not count
         for _ in range(ITERATIONS):
             total = ((self.independent / error**2)[:, None] @ flat).reshape(-1, n + 2, n + 2)
             H = np.eye(n) + total[:, :n, :n]
             x = np.linalg.solve(H, total[:, :n, -1:] - total[:, :n, -2:-1])[:, :, 0]
             z = np.column_stack([x, np.tile([1.0, -1.0], (len(x), 1))])
-            square = ((products @ z[:, None, :, None])[..., 0] * z[:, None]).sum(axis=2)
-            # Friction that gives energy is none: what it would explain is left.
+            # Friction that gives energy is none: bodies and offsets must do without it.
             given = (columns @ z[:, None, :, None])[..., 0]
-            gives = (given * power).sum(axis=2) > 0
-            square = np.maximum(square, 0.0) + np.where(gives, (given**2).sum(axis=2), 0.0)
+            gives = ~without & ((given * power).sum(axis=2) > 0)
+            products[gives] += columns[gives].swapaxes(1, 2) @ columns[gives]
+            without |= gives
+            square = ((products @ z[:, None, :, None])[..., 0] * z[:, None]).sum(axis=2)
+            square = np.maximum(square, 0.0)
             error = np.maximum(np.sqrt(square), least)
         # Of the forces as measured, whatever they were divided by.
         lost = (np.log(error * gain) + square / error**2 / 2) @ self.independent

@@ -19,7 +19,7 @@ from loopid.identification.leaving_out import regions_of
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
-from loopid.logs.recording import Recording
+from loopid.logs.recording import Recording, require_robot
 from loopid.motion.joints import JointMotion
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.progress import Progress
@@ -352,8 +352,10 @@ class ForceModel:
         Raises
         ------
         DataError
-            When the recording has none, as where a filter leaves nothing of it.
+            When the recording has none, as where a filter leaves nothing of it, or is of another
+            robot.
         """
+        require_robot(recording, self.robot)
         if not len(recording.motion.time):
             raise DataError(f"{recording.name} has no samples")
         W = self._with_filtered_steps(self.regressor(recording.motion, n_jobs), recording)

@@ -220,12 +220,16 @@ class _Find(NamedTuple):
         """In words, against how the log was explained before."""
         said = called(self.kind, self.motors, self.size, self.reach, model=model, found=found)
         after, before = (
-            100 * float((one.error / model.sizes([one.undone])[0])[list(self.motors)].max())
-            for one in (self.after, found)
+            100 * one.error / model.sizes([one.undone])[0] for one in (self.after, found)
         )
+        # Forces of a motor show positions of another: those of the motor that gains most count.
+        shown = model.present if KINDS[self.kind].assembled else self.motors
+        k = max(shown, key=lambda k: float(before[k] - after[k]))
+        of = "" if k in self.motors else f" of {model.names[k]}"
         why = (
-            f"{said.size}undone, errors are {number(after, 2)} % of the force instead of "
-            f"{number(before, 3)} % (evidence e^{self.evidence - found.evidence:.0f})"
+            f"{said.size}undone, errors are {number(float(after[k]), 2)} % of the force{of} "
+            f"instead of {number(float(before[k]), 3)} % "
+            f"(evidence e^{self.evidence - found.evidence:.0f})"
         )
         return Finding("mistake", said.title, why, said.do)
 

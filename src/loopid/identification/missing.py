@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import first_of
 from loopid.findings import FALSE_ALARM, Finding, Severity
 from loopid.identification.correlation import (
@@ -53,6 +53,10 @@ ROWS = 20  # samples of a motor for each column, at least
 MOST_WAVES, STEEPEST = 30, 120.0  # over the range of a motor; and in 2 π rad or metres
 LIKELIEST = 3  # numbers of waves that are tested in full
 ROWS_OF_LENGTHS = 600  # samples that lengths are tested with, at most
+# Of the samples of each motor, the slowest, by which no length is found where errors of some motor
+# are larger there, by this; part of a length that may be missing at most: bodies take up nearly all
+# of what a longer link does, so that little looks like it.
+SLOW, LARGER, MOST_OFF = 0.2, 1.25, 0.1
 DEPENDENT = 1e-6  # part of a column beside the fit's below which it adds nothing
 
 
@@ -278,6 +282,7 @@ def _wrong_length(
     rows = np.concatenate(own)
     of_samples = "regressor", "force", "used", "segments", "runs", "regions"
     chosen = {name: getattr(samples, name)[rows] for name in of_samples}
+    chosen["used"] = chosen["used"] & ~_slow(fit, recordings)[rows]
     # They count as much as all, beside the prior.
     thinned = fit.with_result(weights=np.sqrt(step) * fit.result.weights)
     fit = _refitted(replace(thinned, samples=replace(samples, **chosen, instruments=None)))
@@ -288,6 +293,8 @@ def _wrong_length(
         return None
     place = min(tried, key=lambda each: tried[each].chance)
     best = tried[place]
+    if abs(best.x[0]) > MOST_OFF:
+        return None
     least = best.chance if best.chance >= FALSE_ALARM else test.confirmed(best.columns)
     if (least := len(tried) * least) >= FALSE_ALARM:
         return None
@@ -301,6 +308,23 @@ def _wrong_length(
         certainty="clear" if clear else "likely",
         number=float(best.x[0]),
     )
+
+
+def _slow(fit: WorkingFit, recordings: Sequence[Recording]) -> BoolArray:
+    """Samples (N, dof) in which motors are slow, if errors are larger there; else none.
+
+    Around reversals these are errors of friction, at the same states in each period. So they look
+    like what a length does.
+    """
+    samples, rates = fit.samples, np.concatenate([run.motion.velocities for run in recordings])
+    moving = samples.used.any(axis=0)
+    size = np.where(samples.used, np.abs(rates), np.nan)[:, moving]
+    squares = np.where(samples.used, samples.residual(fit.result.values), np.nan)[:, moving] ** 2
+    slow = size <= np.nanquantile(size, SLOW, axis=0)
+    near, far = (np.nanmean(np.where(part, squares, np.nan), axis=0) for part in (slow, ~slow))
+    found = np.zeros(samples.used.shape, dtype=bool)
+    found[:, moving] = slow & (near > LARGER**2 * far).any()
+    return found
 
 
 def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:

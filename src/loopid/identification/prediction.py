@@ -12,7 +12,7 @@ from loopid.files import csv_text
 from loopid.identification.estimates import Estimates
 from loopid.identification.quality import Quality
 from loopid.logs.preparing import at_cutoff
-from loopid.logs.recording import Recording
+from loopid.logs.recording import Recording, require_robot
 from loopid.numbers import NORMAL_95
 from loopid.records import Tabular, columns_of, record
 
@@ -107,12 +107,7 @@ class Prediction(Tabular):
 def predicted(fit: Estimates, recording: Recording) -> Prediction:
     """What a fit gives for a recording of its robot."""
     model = fit.require_model()
-    if recording.actuators != model.robot.independent:
-        raise DataError(
-            f"recording {recording.name} is of {', '.join(recording.actuators)}, but the fit of "
-            f"{', '.join(model.robot.independent)}",
-            recording=recording.name,
-        )
+    require_robot(recording, model.robot)
     if fit.cutoff is not None:
         (recording,) = at_cutoff(model.robot, [recording], fit.cutoff)
     samples, reach = model.samples(recording), None

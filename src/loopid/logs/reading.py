@@ -250,11 +250,16 @@ def _lacking(robot: Robot, finder: ColumnFinder) -> list[str]:
     frames = [robot.model.frames[k] for each in robot.closures for k in each.frame_ids]
     kept = {k for end in (last, *(one.parentJoint for one in frames)) for k in supports[end]}
     moved = {*robot.actuated, *robot.following}
-    return [
+    lacking = [
         name
         for k, name in enumerate(robot.joints, 1)
         if name in moved and k not in kept and (last in supports[k] or not arm & {*supports[k]})
     ]
+    # What is coupled to a joint that moves is moved by it, as a rotor that stands on the base.
+    moving = {*robot.joints} - {*lacking}
+    for _ in robot.couplings:
+        moving |= {j for c in robot.couplings if moving & {*c.joints} for j in c.joints}
+    return [name for name in lacking if name not in moving]
 
 
 def open_log(path: Path, mapping: LogMapping) -> LogFormat:

@@ -438,3 +438,13 @@ def wrench_forces(
             tau += np.einsum("niv,ni->nv", poses.angular[:, k], moment)
         forces[rows] = np.einsum("nvd,nv->nd", G, tau)
     return forces
+
+
+def require_robot(recording: Recording, robot: Robot) -> None:
+    """Refuse a recording of another robot, by the names of its coordinates."""
+    if recording.actuators != robot.independent:
+        raise DataError(
+            f"recording {recording.name} is of {', '.join(recording.actuators)}, but {robot.name} "
+            f"has {', '.join(robot.independent)}: prepare its log with this robot",
+            recording=recording.name,
+        )
