@@ -184,6 +184,13 @@ def test_intervals_hold_a_length_that_is_off_by_less_than_is_clear(robot, model)
     assert (np.sqrt(np.diag(plain)) < found.fit.standard_errors / 2).any()
 
 
+def test_a_length_that_is_off_by_less_than_links_are_made_to_is_not_named(robot, model):
+    true = run(longer(robot, 4e-5), noise=1e-6)
+    there = as_in_the_file(robot, true.motion)
+    found = identify_unjudged(model, Recording.of_motion(there, true.force, robot.actuated))
+    assert all(each.motor for each in found.missing)
+
+
 @pytest.mark.parametrize("larger", [1.0, 3.0])
 def test_lengths_are_not_found_by_errors_around_reversals(larger):
     time = np.arange(0.0, 20.0, 0.02)

@@ -54,9 +54,12 @@ MOST_WAVES, STEEPEST = 30, 120.0  # over the range of a motor; and in 2 π rad o
 LIKELIEST = 3  # numbers of waves that are tested in full
 ROWS_OF_LENGTHS = 600  # samples that lengths are tested with, at most
 # Of the samples of each motor, the slowest, by which no length is found where errors of some motor
-# are larger there, by this; part of a length that may be missing at most: bodies take up nearly all
-# of what a longer link does, so that little looks like it.
-SLOW, LARGER, MOST_OFF = 0.2, 1.25, 0.1
+# are larger there, by this.
+SLOW, LARGER = 0.2, 1.25
+# Parts of a length that may be missing: bodies take up nearly all of what a longer link does, so
+# that little looks like more. What is filtered looks like less near singularities; links are not
+# made that exactly.
+LEAST_OFF, MOST_OFF = 5e-5, 0.1
 DEPENDENT = 1e-6  # part of a column beside the fit's below which it adds nothing
 
 
@@ -293,7 +296,7 @@ def _wrong_length(
         return None
     place = min(tried, key=lambda each: tried[each].chance)
     best = tried[place]
-    if abs(best.x[0]) > MOST_OFF:
+    if not LEAST_OFF <= abs(best.x[0]) <= MOST_OFF:
         return None
     least = best.chance if best.chance >= FALSE_ALARM else test.confirmed(best.columns)
     if (least := len(tried) * least) >= FALSE_ALARM:
