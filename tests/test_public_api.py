@@ -327,8 +327,8 @@ def test_wrong_values_are_refused_in_plain_words(instances, good, tmp_path, monk
         known = {n: known[n] for n, must in required.items() if must} | QUICK.get(name, {})
         for argument, must in required.items():
             for what, wrong in (KINDS | SIZES).items():
-                if wrong is None and not must:
-                    continue  # as good as left out
+                if (wrong is None and not must) or (argument, what) == ("n_jobs", "whole"):
+                    continue  # as good as left out; or right, and processes take time to start
                 met += 1
                 try:
                     call(**known | {argument: wrong})

@@ -78,6 +78,7 @@ def test_formulas_are_mathml_and_all_of_them_are_known(site):
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
 
 
+@pytest.mark.validate
 @pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
 def test_no_page_is_wider_than_a_phone(site):
     """Long formulas, blocks and tables scroll in boxes of their own; all pages in one."""
