@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import loopid
 from loopid import JointTerms
 from loopid.identification import identify
 from loopid.identification.fitting import quiet_fit
+from loopid.identification.verdict import _doubtful
 from loopid.kinematics import closed_motion
 from loopid.logs import Log, Recording, read_log
 from made_runs import logged, quietly, wander
@@ -19,6 +21,7 @@ pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "
 FRICTION = np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])
 NOISE = 0.05
 DRAWS = 16
+WRONG_SIGN = "look for a wrong sign, scale or length of the robot file, or exchanged columns"
 
 
 @pytest.fixture(scope="module")
@@ -161,5 +164,18 @@ def test_a_zero_that_is_off_is_named_with_what_mends_it(robot, run):
 def test_a_sign_or_scale_that_is_off_is_no_zero(robot, run):
     for change in (np.negative, lambda q: 1.2 * q):
         (said,) = heard(robot, run, changed(robot, run, change))
-        assert "a sign, a scale" in said
+        assert WRONG_SIGN in said
         assert "all along" not in said
+
+
+def test_parameters_are_not_praised_where_an_encoder_is_not_where_the_loops_put_it(robot, found):
+    def elsewhere(run):
+        position = changed(robot, (None, run.log.position), np.negative)
+        return replace(run, log=replace(run.log, position=position))
+
+    other = replace(found, training=tuple(map(elsewhere, found.training)))
+    assert not _doubtful(found)
+    assert _doubtful(other)
+    said = [[each for each in one.findings if "redundant" in each.title] for one in (found, other)]
+    assert not said[0]
+    assert {(each.severity, each.do) for each in said[1]} == {("warning", WRONG_SIGN)}

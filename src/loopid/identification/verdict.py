@@ -13,6 +13,7 @@ from loopid.identification.missing import missing_findings
 from loopid.identification.outcome import Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS
 from loopid.identification.result import Fit
+from loopid.logs.preparing import faults_of_encoders
 from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -201,7 +202,14 @@ def _doubtful(found: Outcome) -> bool:
         or bool(model is not None and model.severity != "note")
         or found.advantage is not None
         or _noisy(found) is not None
+        or any(_of_encoders(found))
     )
+
+
+def _of_encoders(found: Outcome) -> Iterator[Finding]:
+    """Redundant motors that are not where the loops put them: a sign, a zero or a length is off."""
+    for run in found.training:
+        yield from faults_of_encoders(found.force_model.robot, run)
 
 
 def _noisy(found: Outcome) -> tuple[str, float] | None:
@@ -261,6 +269,7 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
     for one in found.log_faults:
         yield from one.mistakes
     yield from (each for each in (_better(found), _unexplained(found)) if each is not None)
+    yield from _of_encoders(found)
     yield from _model_findings(found)
     fit = found.fit
     if fit.deviation is not None and fit.deviation.fault:

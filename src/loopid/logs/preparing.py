@@ -6,7 +6,7 @@ Each step is a function that can be called alone; ``prepare`` calls them one by 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -24,6 +24,7 @@ from loopid.arguments import (
     spread_rows,
 )
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
+from loopid.findings import Finding
 from loopid.kinematics.assembly import Assembly, AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import difference
@@ -141,7 +142,8 @@ def prepare(
     measured = JointCoordinates(robot, robot.measured).read(logged.configurations[rows])
     found = assemble_samples(robot, log, measured, rows, masks, known=known, progress=progress)
     segments, rows = renumbered(log.segments[rows], found.good), rows[found.good]
-    compare_encoders(robot, log, logged.configurations[rows], found.configurations)
+    for fault in encoder_faults(robot, logged.configurations[rows], found.configurations):
+        warn(f"{log.name}: {fault}", DataWarning)
     saturated = near_saturation(log, limits, lowpass)[rows]
     idle = standing(robot, log, signals.velocity, rows, lowpass)
     if (idle | saturated).all():
@@ -447,8 +449,8 @@ def assemble_samples(
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
 
 
-def compare_encoders(robot: Robot, log: Log, logged: FloatArray, closed: FloatArray) -> None:
-    """Warn of redundant motors that are not where the loops put them (K, nq)."""
+def encoder_faults(robot: Robot, logged: FloatArray, closed: FloatArray) -> Iterator[Finding]:
+    """Redundant motors that are not where the loops put them, by poses (K, nq) of both."""
     if not (robot.redundant and len(closed)):
         return
     joints = JointCoordinates(robot, robot.redundant)
@@ -460,16 +462,28 @@ def compare_encoders(robot: Robot, log: Log, logged: FloatArray, closed: FloatAr
         if rms <= least:
             continue
         unit = "m" if joints.known[k] in robot.prismatic else "rad"
-        said = f"by {rms:.3g} {unit} rms"
-        likely = "a sign, a scale, exchanged columns or a length of the robot file is wrong"
+        size = f"by {rms:.3g} {unit} rms"
+        do = "look for a wrong sign, scale or length of the robot file, or exchanged columns"
         if np.sqrt(max(rms**2 - middle**2, 0.0)) <= least:
-            said = f"by {middle:.3g} {unit} all along"
-            likely = f"add {-middle:.3g} to its positions, as position_offset in a mapping does"
-        warn(
-            f"{log.name}: the position of {name}, a redundant motor, differs {said} from where the "
-            f"loops put it, which is what counts (at most {least:.2g} {unit} is usual): {likely}",
-            DataWarning,
+            size = f"by {middle:.3g} {unit} all along"
+            do = f"add {-middle:.3g} to its positions, as position_offset in a mapping does"
+        yield Finding(
+            "warning",
+            f"{name}, a redundant motor, is not where the loops put it",
+            f"its positions differ {size} (at most {least:.2g} {unit} is usual); the loops count",
+            do,
         )
+
+
+def faults_of_encoders(robot: Robot, recording: Recording) -> list[Finding]:
+    """As ``encoder_faults``, of a recording; none where its log is not known."""
+    log, q = recording.log, recording.motion.configurations
+    if log is None or not robot.redundant:
+        return []
+    columns = (log.position[:, log.joints.index(name)] for name in robot.redundant)
+    values = [np.interp(recording.motion.time, log.time, column) for column in columns]
+    joints = JointCoordinates(robot, robot.redundant)
+    return [*encoder_faults(robot, joints.write(q, np.stack(values, axis=1)), q)]
 
 
 def _assembled(
