@@ -217,9 +217,9 @@ PENDULUM = """<robot name="arm"><link name="base"/>
 @pytest.fixture(scope="module")
 def swings(write_files):
     """A pendulum with limits, and one without."""
-    kinds = ("revolute", "continuous")
-    texts = (PENDULUM.replace("KIND", kind) for kind in kinds)
-    return {k: loopid.load(write_files(t, "")) for k, t in zip(kinds, texts, strict=True)}
+    texts = {kind: PENDULUM.replace("KIND", kind) for kind in ("revolute", "continuous")}
+    texts["wide"] = texts["revolute"].replace("-2", "-30").replace('"2"', '"30"')
+    return {kind: loopid.load(write_files(text, "")) for kind, text in texts.items()}
 
 
 def test_angles_in_degrees(swings, made):
@@ -230,11 +230,12 @@ def test_angles_in_degrees(swings, made):
     assert "deg to rad" in str(said)
 
 
-def test_turns_are_counted_on(swings, made):
+@pytest.mark.parametrize("kind", ["continuous", "wide"])
+def test_turns_are_counted_on(swings, made, kind):
     time = np.arange(0, 10, 0.01)
     angle = 20 * np.sin(time)[:, None]
     wrapped = np.mod(angle + np.pi, 2 * np.pi) - np.pi
-    log = made(swings["continuous"], time, wrapped, angle, velocity=20 * np.cos(time)[:, None])
+    log = made(swings[kind], time, wrapped, angle, velocity=20 * np.cos(time)[:, None])
     np.testing.assert_allclose(log.position, angle, atol=1e-12)
 
 

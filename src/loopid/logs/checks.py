@@ -42,6 +42,8 @@ GLITCH = 100.0  # forces this many times their 99th percentile are none
 APART, GAIN = 0.1, 1.25
 FITTING = 0.9  # part of the values that a change of unit must bring inside
 EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how it was written
+# A step of rad from which on a joint that may turn further was counted from anew, not that fast.
+RESET = 0.9 * 2 * np.pi
 COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of the position
 
 
@@ -220,8 +222,13 @@ def _unwrapped(robot: Robot, stream: Stream) -> Stream:
     """The stream with turns counted on that are reset after a turn; quaternions keep their sign."""
     values = stream.values.copy()
     for k in stream.places("position"):
-        if robot.joint(stream.channels[k].joint).nq == 2:
+        name = stream.channels[k].joint
+        if robot.joint(name).nq == 2:
             values[:, k] = np.unwrap(values[:, k])
+        elif robot.velocity_indices([name])[0] not in robot.prismatic:
+            low, high = robot.limits(name)
+            if high - low > 2 * np.pi:
+                values[:, k] = np.unwrap(values[:, k], discont=RESET)
     for quantity in {channel.quantity for channel in stream.channels} - {*QUANTITIES}:
         own = stream.places(quantity)
         if len(own) == len(POSE):
