@@ -224,7 +224,8 @@ def chosen(entries: ArrayLike | slice, name: str, count: int) -> Any:
     if given.dtype == bool:
         known, what = given.shape == (count,), f"a mask of shape {(count,)}"
     else:
-        known = given.ndim == 1 and given.min() >= -count and given.max() < count
+        known = given.ndim == 1 and given.dtype.kind in "iu"
+        known = known and given.min() >= -count and given.max() < count
         what = f"a list of whole numbers from 0 to {count - 1}"
     if not known:
         said = given.shape if given.dtype == bool or given.ndim != 1 else given.tolist()
@@ -233,8 +234,8 @@ def chosen(entries: ArrayLike | slice, name: str, count: int) -> Any:
 
 
 def numbers_of(entries: Iterable[int], name: str, count: int) -> list[int]:
-    """Numbers of some entries among so many, as Python has them."""
-    return [int(k) for k in chosen([*entries], name, count)]
+    """Numbers of the entries that are meant among so many, as Python has them."""
+    return [int(k) for k in np.arange(count)[chosen([*entries], name, count)]]
 
 
 def for_each(array: ArrayLike, name: str, count: int) -> FloatArray:

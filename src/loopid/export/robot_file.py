@@ -39,9 +39,9 @@ AGREEMENT = 1e-9
 SAME = 1e-13
 # Relative difference of a joint term, in the new file and as it was meant: degrees are round-off.
 READ_BACK = 1e-12
-# What is not written where the other half of its force has no place: by kind, the other halves.
 # Radians, or lengths of the robot, away from which no spring rests: its force is a constant one.
 FAR = 1e3
+# What is not written where the other half of its force has no place: by kind, the other halves.
 HALVES = {"Ks": ("Ks2", "Ks3", "Ks@"), "Fc": ("Fc+", "Fc-")}
 Terms = dict[str, dict[str, float]]  # by coordinate and kind
 Known = dict[str, dict[str, Any]]  # the same, None where a file leaves a value open

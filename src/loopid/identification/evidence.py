@@ -319,7 +319,7 @@ class Evidence:
         products[:, :, -1] /= gain[:, :, None]
         products[:, :, :, -1] /= gain[:, :, None]
         shape = np.sqrt(products[:, :, -1, -1])
-        flat, gain = products.reshape(*gain.shape, -1), np.abs(gain)
+        gain = np.abs(gain)
         least = MODEL_ERROR * self.sizes(undone) + TINY
         error = np.maximum(np.sqrt(products[:, :, -1, -1]), least)
         friction = [self._friction(_pose(one), one.time) for one in undone]
@@ -328,6 +328,7 @@ class Evidence:
         columns[..., -1] /= np.array([one.gain for one in undone])[:, :, None]
         without = np.zeros(gain.shape, dtype=bool)  # motors whose friction does not count
         for _ in range(ITERATIONS):
+            flat = products.reshape(*gain.shape, -1)
             total = ((self.independent / error**2)[:, None] @ flat).reshape(-1, n + 2, n + 2)
             H = np.eye(n) + total[:, :n, :n]
             x = np.linalg.solve(H, total[:, :n, -1:] - total[:, :n, -2:-1])[:, :, 0]

@@ -319,15 +319,15 @@ def _slow(fit: WorkingFit, recordings: Sequence[Recording]) -> BoolArray:
     Around reversals these are errors of friction, at the same states in each period. So they look
     like what a length does.
     """
-    samples, rates = fit.samples, np.concatenate([run.motion.velocities for run in recordings])
-    moving = samples.used.any(axis=0)
-    size = np.where(samples.used, np.abs(rates), np.nan)[:, moving]
-    squares = np.where(samples.used, samples.residual(fit.result.values), np.nan)[:, moving] ** 2
-    slow = size <= np.nanquantile(size, SLOW, axis=0)
-    near, far = (np.nanmean(np.where(part, squares, np.nan), axis=0) for part in (slow, ~slow))
-    found = np.zeros(samples.used.shape, dtype=bool)
-    found[:, moving] = slow & (near > LARGER**2 * far).any()
-    return found
+    used, squares = fit.samples.used, fit.samples.residual(fit.result.values) ** 2
+    size = np.abs(np.concatenate([run.motion.velocities for run in recordings]))
+    slow, larger = np.zeros(used.shape, dtype=bool), False
+    for k in np.flatnonzero(used.any(axis=0)):
+        slow[:, k] = used[:, k] & (size[:, k] <= np.quantile(size[used[:, k], k], SLOW))
+        fast = used[:, k] & ~slow[:, k]
+        if fast.any():
+            larger |= squares[slow[:, k], k].mean() > LARGER**2 * squares[fast, k].mean()
+    return slow & larger
 
 
 def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:

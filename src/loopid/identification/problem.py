@@ -278,7 +278,8 @@ class FitSamples:
 
     def select(self, columns: Iterable[int]) -> FitSamples:
         """The same forces with some of the parameters only."""
-        own, W, Z = [*columns], self.regressor, self.instruments
+        own = numbers_of(columns, "columns", len(self.parameters))
+        W, Z = self.regressor, self.instruments
         return replace(
             self,
             parameters=self.parameters.select(own),

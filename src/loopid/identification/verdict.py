@@ -13,7 +13,7 @@ from loopid.identification.missing import missing_findings
 from loopid.identification.outcome import Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS
 from loopid.identification.result import Fit
-from loopid.logs.preparing import faults_of_encoders
+from loopid.logs.preparing import encoder_faults
 from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -207,9 +207,11 @@ def _doubtful(found: Outcome) -> bool:
 
 
 def _of_encoders(found: Outcome) -> Iterator[Finding]:
-    """Redundant motors that are not where the loops put them: a sign, a zero or a length is off."""
+    """Redundant motors that are not where the loops put them, each once."""
+    said = dict[str, Finding]()
     for run in found.training:
-        yield from faults_of_encoders(found.force_model.robot, run)
+        said |= {each.title: each for each in encoder_faults(found.force_model.robot, run)}
+    yield from said.values()
 
 
 def _noisy(found: Outcome) -> tuple[str, float] | None:

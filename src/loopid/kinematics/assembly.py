@@ -26,6 +26,7 @@ from loopid.arguments import (
     IntArray,
     NotNegative,
     checked,
+    one_as_many,
     rectangular,
     samples,
 )
@@ -203,6 +204,7 @@ def try_assemble(
 
 
 @checked
+@one_as_many
 def closed_configurations(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Close the loops of configurations that are a little open, as those of soft constraints.
 
@@ -214,12 +216,12 @@ def closed_configurations(robot: Robot, configurations: FloatArray) -> FloatArra
     ----------
     robot : Robot
     configurations : FloatArray
-        (N, nq) in m and rad, open by at most ``SOFT`` of the robot's length.
+        (nq,) or (N, nq) in m and rad, open by at most ``SOFT`` of the robot's length.
 
     Returns
     -------
     FloatArray
-        (N, nq), closed as ``assemble`` does.
+        (nq,) or (N, nq), closed as ``assemble`` does.
 
     Raises
     ------
@@ -255,17 +257,7 @@ def closed_configurations(robot: Robot, configurations: FloatArray) -> FloatArra
             given=float(before[k, row]),
             tolerance=SOFT * length,
         )
-    parts = []
-    with one_blas_thread():
-        for rows in blocks(len(q)):
-            targets = measured.read(q[rows])
-            found = correct(measured, q[rows].copy(), targets, USUAL.short)
-            residual, small = _closed(measured, found.configurations, targets, USUAL)
-            near = np.abs(difference(robot, q[rows], found.configurations)).max(axis=1, initial=0.0)
-            good = found.accepted & small & (near <= LONGEST_STEP * max(1.0, length))
-            tolerance = largest_opening(robot)
-            parts.append(Assembly(found.configurations, residual, good, tolerance))
-    closed = required(Assembly.joined(parts)) if parts else q
+    closed = required(follow_paths(measured, q, measured.read(q)))
     if before.max(initial=0.0) > OPEN * length:
         steps = np.abs(difference(robot, q, closed) / robot.coordinate_scales)
         warn(

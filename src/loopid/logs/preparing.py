@@ -142,7 +142,7 @@ def prepare(
     measured = JointCoordinates(robot, robot.measured).read(logged.configurations[rows])
     found = assemble_samples(robot, log, measured, rows, masks, known=known, progress=progress)
     segments, rows = renumbered(log.segments[rows], found.good), rows[found.good]
-    for fault in encoder_faults(robot, logged.configurations[rows], found.configurations):
+    for fault in misplaced_motors(robot, logged.configurations[rows], found.configurations):
         warn(f"{log.name}: {fault}", DataWarning)
     saturated = near_saturation(log, limits, lowpass)[rows]
     idle = standing(robot, log, signals.velocity, rows, lowpass)
@@ -449,7 +449,7 @@ def assemble_samples(
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
 
 
-def encoder_faults(robot: Robot, logged: FloatArray, closed: FloatArray) -> Iterator[Finding]:
+def misplaced_motors(robot: Robot, logged: FloatArray, closed: FloatArray) -> Iterator[Finding]:
     """Redundant motors that are not where the loops put them, by poses (K, nq) of both."""
     if not (robot.redundant and len(closed)):
         return
@@ -475,15 +475,15 @@ def encoder_faults(robot: Robot, logged: FloatArray, closed: FloatArray) -> Iter
         )
 
 
-def faults_of_encoders(robot: Robot, recording: Recording) -> list[Finding]:
-    """As ``encoder_faults``, of a recording; none where its log is not known."""
+def encoder_faults(robot: Robot, recording: Recording) -> list[Finding]:
+    """As ``misplaced_motors``, of a recording; none where its log is not known."""
     log, q = recording.log, recording.motion.configurations
     if log is None or not robot.redundant:
         return []
     columns = (log.position[:, log.joints.index(name)] for name in robot.redundant)
     values = [np.interp(recording.motion.time, log.time, column) for column in columns]
     joints = JointCoordinates(robot, robot.redundant)
-    return [*encoder_faults(robot, joints.write(q, np.stack(values, axis=1)), q)]
+    return [*misplaced_motors(robot, joints.write(q, np.stack(values, axis=1)), q)]
 
 
 def _assembled(
