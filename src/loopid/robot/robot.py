@@ -701,7 +701,7 @@ def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
 def connected(links: BoolArray) -> list[IntArray]:
     """Groups of things with links (n, n) both ways, also by others, ordered by their first members.
 
-    SciPy's ``connected_components`` takes a tenth of the start of a command to import.
+    SciPy's ``connected_components`` is slow to import: up to a tenth of the time of a command.
     """
     reached = links | np.eye(len(links), dtype=bool)
     while (further := 1.0 * reached @ reached > 0).sum() > reached.sum():
