@@ -465,6 +465,7 @@ class Log(Tabular):
 
     def step_of(self, joint: str) -> float:
         """Least difference of positions of a motor, in m or rad; 0 where it has none."""
+        OptionError.require("motor", joint, self.joints)
         steps = np.diff(np.unique(self.position[:, self.joints.index(joint)]))
         steps = steps[steps > FINEST * steps.sum()]
         return float(steps.min()) if len(steps) else 0.0
