@@ -177,7 +177,7 @@ def identify(
     choice, force_model = _model_of(robot, groups[0], options)
     runs = _Runs.of(groups, judged=validation is not None, fraction=options.fraction)
     runs, delay, cutoff, faults = _in_time(force_model, runs, options)
-    fits = _fitted(force_model, runs, references, options)
+    fits = _fitted(force_model, runs, references, delay, options)
     fits = fits.with_origin(runs, delay, cutoff, faults)
     for each in (delay, fits.excited):
         if each is not None:
@@ -264,7 +264,11 @@ class _Fits(NamedTuple):
 
 
 def _fitted(
-    force_model: ForceModel, runs: _Runs, references: Sequence[JointMotion], options: FitOptions
+    force_model: ForceModel,
+    runs: _Runs,
+    references: Sequence[JointMotion],
+    delay: Delay | None,
+    options: FitOptions,
 ) -> _Fits:
     """The robot file with fitted joint terms, all parameters, and all of solid bodies."""
     force_model, data, first = _sampled(force_model, runs, references, options)
@@ -283,7 +287,7 @@ def _fitted(
                 data = force_model.widened(data, runs.training)
             solid = quiet_consistent_fit(force_model, data, whole.require_noise(), known)
             warn_of_bodies(force_model, solid.result)
-        missing = missing_forces(solid, force_model, runs.training)
+        missing = missing_forces(solid, force_model, runs.training, delay)
         regions = _errors_by_region(solid, data)
     least = whole.noise if solid is None else solid.result.noise
     start = fit_joint_terms(force_model, data, noise=least)

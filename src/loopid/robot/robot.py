@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field
@@ -30,6 +29,7 @@ from loopid.errors import DataError, OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.records import record
 from loopid.robot.closures import CLOSURE_KINDS, UNIT, JointCoupling, LoopClosure
+from loopid.robot.memory import Memory
 from loopid.robot.platform import Platform
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
@@ -472,9 +472,14 @@ class Robot:
         return tuple(loops)
 
     @cached_property
+    def memory(self) -> Memory:
+        """Pinocchio's memory of the tree."""
+        return Memory(self.model)
+
+    @cached_property
     def length(self) -> float:
         """Characteristic length in m: the widest distance between joints at the reference."""
-        data = scratch_data(self.model)
+        data = self.memory.data
         pin.forwardKinematics(self.model, data, self.reference)
         points = np.array([placement.translation for placement in list(data.oMi)[1:]])
         spread = np.linalg.norm(points[:, None] - points[None], axis=2)
@@ -726,23 +731,12 @@ def coordinate_names(name: str, joint: pin.JointModel) -> tuple[str, ...]:
     return tuple(f"{name}.{part}" for part in COMPONENTS.get(joint.shortname(), numbered))
 
 
-_thread = threading.local()
-
-
 def motion_subspace(model: pin.Model, joint: int) -> FloatArray:
     """Velocity (6, nv) of a joint at its neutral position, in its own frame, linear first."""
     own = model.joints[joint]
     data = own.createData()
     own.calc(data, pin.neutral(model))
     return np.asarray(data.S, dtype=np.float64).reshape(6, -1)
-
-
-def scratch_data(model: pin.Model) -> pin.Data:
-    """Per-thread cached data of the last model: large ones take long to make."""
-    if getattr(_thread, "model", None) is not model:
-        _thread.model, _thread.data = model, model.createData()
-    data: pin.Data = _thread.data
-    return data
 
 
 def link_frames(model: pin.Model) -> dict[str, int]:
