@@ -184,7 +184,7 @@ def identify(
     )
     runs = *training, *judging, *friction
     suspected = log_faults_by_log(own, runs, force_model.joint_terms)
-    mistakes = [found for one in suspected for found in one.mistakes]
+    mistakes = [found for one in suspected for found in one.findings]
     for each in mistakes:
         each.warn()  # before what a wrong log may end in
     if cutoff is not None:
@@ -208,7 +208,9 @@ def identify(
                 data = force_model.widened(data, training)
             solid = quiet_consistent_fit(force_model, data, whole.require_noise(), known)
             warn_of_bodies(force_model, solid.result)
-        missing = missing_forces(solid, force_model, training)
+        # Singular poses look like any force.
+        spoilt = any(one.singular for one in suspected)
+        missing = () if spoilt else missing_forces(solid, force_model, training)
     least = whole.noise if solid is None else solid.result.noise
     start = fit_joint_terms(force_model, data, noise=least)
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}

@@ -63,6 +63,7 @@ IDLE, DITHER = 0.05, 0.01
 # Periods of six times the motion's band that it must be slow for to stand, not to turn back.
 STANDSTILL = 0.5
 FROZEN = 20  # equal positions in a row that may be a frozen encoder
+NEAR_SINGULAR = "near a singularity"  # why samples are left out
 UNASSEMBLED = 0.5  # part of the samples whose loops may stay open
 
 
@@ -438,7 +439,7 @@ def assemble_samples(
         near = good.copy()
         near[good] = ~regular
         good[near] = False
-        dropped.append(Dropped.at("near a singularity", time[near]))
+        dropped.append(Dropped.at(NEAR_SINGULAR, time[near]))
         said = (
             f"{log.name}: the robot is near a singularity in {_where(time, near)} (measure down to "
             f"{measure.min():.1e}, at least {masks.singularity_threshold:g} is required)"
