@@ -79,7 +79,7 @@ urdf_dialects: Registry[Any] = Registry("sign of a dialect of URDF")
 # By the ending of the tree's file: a class of it with the ``inertials`` of its links, ``edited``
 # (its content with other ones, and other joint terms) and ``joint_terms`` of such a content.
 editable_files: Registry[Any] = Registry("ending of a robot file that can be edited")
-# What words of robot files mean that loading has no other use for: the laws of joint terms.
+# What words of robot files mean, to loading, which is below the laws of joint terms.
 words_of_files: Registry[Any] = Registry(
     "word of robot files", {"joint term": "loopid.regressors.joint_laws:joint_term"}
 )

@@ -102,6 +102,20 @@ def test_a_right_one_is(identified):
     assert (rms >= found["consistent"].validation.residual_rms).all()
 
 
+@pytest.mark.parametrize("lacking", [0.0, 12.0])
+def test_a_force_without_what_the_drive_adds_in_proportion_to_speed_is_named(robot, lacking):
+    """Its friction brakes at low speed and drives at high speed, as none does."""
+    motion = wander(robot, 4, 12.0, 50.0, size=(0.5, 0.5))
+    run = record(robot, motion, JointTerms.with_values(robot, "Fc=3,Fv=0.05"), noise=0.01)
+    force = run.force.copy()
+    force[:, 0] -= lacking * motion.velocities[:, robot.joint("left_crank_joint").idx_v]
+    model = loopid.force_model(robot, "full", "Fc,Fv")
+    found = quietly(identify, model, [Recording.of_motion(motion, force, robot.actuated)])
+    named = "friction of left_crank_joint changes its sign with speed"
+    assert (named in [each.title for each in found.findings]) == (lacking > 0)
+    assert ("log the whole force" in str(found.verdict)) == (lacking > 0)
+
+
 def test_a_fit_that_is_not_at_its_best_is_not(identified):
     found = identified()
     best = found["consistent"]

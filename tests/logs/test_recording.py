@@ -8,8 +8,14 @@ import pytest
 
 import loopid
 from loopid.errors import AssemblyError, DataError, DataWarning, LogError, OptionError
-from loopid.kinematics import constraint_residual, platform_coordinates
+from loopid.kinematics import (
+    SamplingOptions,
+    constraint_residual,
+    platform_coordinates,
+    random_configurations,
+)
 from loopid.kinematics.measured import JointCoordinates
+from loopid.kinematics.projection import singularity_measure
 from loopid.logs import FilterOptions, Log, LogMapping, MaskOptions, read_log
 from loopid.logs.preparing import (
     assemble_samples,
@@ -333,8 +339,19 @@ def test_near_a_singularity_samples_are_left_out(knee, log, truth):
     assert any(part.reason == "near a singularity" for part in recording.dropped)
     steps = np.diff(recording.motion.time)[np.diff(recording.segments) == 0]
     np.testing.assert_allclose(steps, 0.04, atol=1e-9)
-    with pytest.raises(LogError, match="near a singularity in 391 of 391 samples"):
+    said = r"near a singularity in 391 of 391 samples.*lower 'singularity_threshold'"
+    with pytest.raises(LogError, match=said):
         prepared(knee, log, masks=MaskOptions(singularity_threshold=1.0))
+
+
+def test_the_geometry_decides_how_near_to_singularities_samples_come(knee):
+    assert MaskOptions().least(knee) == 0.005
+    assert MaskOptions().least(replace(knee, singularity_threshold=0.2)) == 0.05
+    near = SamplingOptions(singularity_threshold=1e-3)
+    drawn = random_configurations(knee, 200, options=near)
+    measures = singularity_measure(knee, drawn)
+    flat = replace(knee, reference=drawn[measures.argmin()])
+    assert MaskOptions().least(flat) == pytest.approx(measures.min() / 8)
 
 
 def test_progress_ends_complete(knee, log, monkeypatch):

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import PositiveInt
 
-from loopid.arguments import FloatArray, IntArray, Number, Positive, of_user
+from loopid.arguments import FloatArray, IntArray, Number, Positive
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.rank import pivots
 from loopid.base_parameters.structure import Structure, base_columns, regrouping_matrix
@@ -307,8 +307,7 @@ class SearchStrategy(ABC):
         start = thread_time()
         with one_blas_thread():
             if problem.dependent_count:
-                with of_user():
-                    result = self._search(problem)
+                result = self._search(problem)
             else:  # every parameter is a base parameter
                 result = self._result(problem, (), certified=True, gap=1.0, evaluated=1, ties=1)
         return replace(result, seconds=thread_time() - start)

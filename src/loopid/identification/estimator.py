@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.linalg.lapack import dtrtri
 
-from loopid.arguments import BoolArray, FloatArray, of_user
+from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import DataError, OptionError, RankError, counted
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.quality import fit_quality
@@ -104,7 +104,7 @@ class Estimator:
             When the data do not excite a combination of parameters.
         """
         require_rows(problem)
-        with one_blas_thread(), of_user():
+        with one_blas_thread():
             return self._fit(problem)
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:

@@ -131,9 +131,8 @@ def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatA
     paths = AssemblyOptions(shortest_step=SHORTEST_STEP, most_steps=steps)
     spread = min(options.spread, MANY_LOOPS / max(len(robot.loops), 1))
     least = options.singularity_threshold
-    if least is None:  # where the reference hardly keeps it, poses around it do not
-        own = float(singularity_measure(robot, robot.reference[None])[0])
-        least = max(LEAST_THRESHOLD, min(SINGULARITY_THRESHOLD, 0.5 * own))
+    if least is None:
+        least = least_measure(robot)
     drawn, found, broken = 0, 0, np.zeros(robot.model.nq)
     while True:
         if drawn > options.attempts * (found + BATCH):
@@ -166,6 +165,18 @@ def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, Floa
     lower = np.where(limited[:, 0], limits[:, 0], home - width)
     upper = np.where(limited[:, 1], limits[:, 1], home + width)
     return home, lower, upper
+
+
+def least_measure(robot: Robot) -> float:
+    """Singularity measure below which poses of a robot count as near a singularity.
+
+    That of its file, else the usual one, or half of the reference's where this hardly keeps it.
+    """
+    if robot.singularity_threshold is not None:
+        return robot.singularity_threshold
+    reference = _with_regular_reference(robot).reference
+    own = float(singularity_measure(robot, reference[None])[0])
+    return max(LEAST_THRESHOLD, min(SINGULARITY_THRESHOLD, 0.5 * own))
 
 
 def _with_regular_reference(robot: Robot) -> Robot:

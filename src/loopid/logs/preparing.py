@@ -434,7 +434,8 @@ def assemble_samples(
                 tolerance=UNASSEMBLED,
             )
         warn(f"{said}: left out", DataWarning)
-    regular = measure >= masks.singularity_threshold
+    least = masks.least(robot)
+    regular = measure >= least
     if not regular.all():
         near = good.copy()
         near[good] = ~regular
@@ -442,10 +443,14 @@ def assemble_samples(
         dropped.append(Dropped.at(NEAR_SINGULAR, time[near]))
         said = (
             f"{log.name}: the robot is near a singularity in {_where(time, near)} (measure down to "
-            f"{measure.min():.1e}, at least {masks.singularity_threshold:g} is required)"
+            f"{measure.min():.1e}, at least {least:g} is required)"
         )
         if not good.any():
-            raise LogError(said, tolerance=masks.singularity_threshold)
+            raise LogError(
+                f"{said}: log other poses, or lower 'singularity_threshold' in the robot's YAML; "
+                "logs need a quarter of it",
+                tolerance=least,
+            )
         warn(f"{said}: left out", DataWarning)
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
 

@@ -24,6 +24,7 @@ from loopid.arguments import (
 from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import ClosedMotion, project
+from loopid.kinematics.sampling import least_measure
 from loopid.logs.checks import frame_index
 from loopid.logs.grid import Dropped
 from loopid.logs.log import ExternalWrench, Log
@@ -37,6 +38,9 @@ from loopid.robot.robot import Robot
 # A low-pass filter of second order leaves 1 % of what a single sample or the end of a segment does
 # to a signal after this many periods of its cut-off.
 REACH = 1.0
+# Part of the singularity measure of random poses that samples of a log keep. Forces are measured,
+# so these may come nearer to where motors lose control.
+LOGGED = 0.25
 RATE_ROUNDING = 1e-3  # relative error of measured rates
 OVERSAMPLING = 5.0  # samples a period of the cut-off, at least, where filtered ones are thinned
 FINEST = 1e-6  # step of an encoder, relative to the range of its positions, that counts as none
@@ -96,6 +100,12 @@ def reach_of(lowpass: LowPass | None, rate: float) -> int:
 class MaskOptions:
     """Which samples say nothing about the model.
 
+    Attributes
+    ----------
+    singularity_threshold : float, optional
+        Samples with a smaller singularity measure are left out; by default a quarter of what random
+        poses keep (``SamplingOptions``): 0.005, or less where the geometry hardly allows it.
+
     Examples
     --------
     >>> import loopid
@@ -103,9 +113,13 @@ class MaskOptions:
     0.02
     """
 
-    singularity_threshold: NotNegative = (
-        5e-3  # samples with a smaller singularity measure are left out
-    )
+    singularity_threshold: NotNegative | None = None
+
+    def least(self, robot: Robot) -> float:
+        """Singularity measure that samples of a robot keep."""
+        if self.singularity_threshold is None:
+            return LOGGED * least_measure(robot)
+        return self.singularity_threshold
 
 
 @record
