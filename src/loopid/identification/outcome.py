@@ -131,6 +131,11 @@ class Outcome:
         return candidate.validation.residual_rms / force, candidate.rms_errors[1] / force
 
     @property
+    def singular(self) -> Finding | None:
+        """Singular poses that a log passes."""
+        return next((one.singular for one in self.log_faults if one.singular is not None), None)
+
+    @property
     def prior_deviation(self) -> float | None:
         """Scale of the inertia prior, relative to the bodies; of consistent fits."""
         weighed = self.candidates.get(CONSISTENT)

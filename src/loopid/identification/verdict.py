@@ -209,7 +209,7 @@ def _use(found: Outcome, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
     if not error <= ROUGH:
-        return NOT_FIT
+        return f"{NOT_FIT}, as {found.singular.title}" if found.singular else NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
     model = _of_model(found)
     if model is not None and model.severity == "note" and found.choice is not None:
@@ -288,6 +288,8 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
 
     Another motion does not help where forces are not explained.
     """
+    if found.singular is not None:
+        return (), found.singular.do
     model = _of_model(found)
     if model is not None and model.do:
         return (), model.do
@@ -301,7 +303,7 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
 def findings_of(found: Outcome) -> Iterator[Finding]:
     """What to know beside the numbers."""
     for one in found.log_faults:
-        yield from one.mistakes
+        yield from one.findings
     yield from _wrong(found)
     yield from _of_encoders(found)
     yield from _model_findings(found)
