@@ -8,7 +8,16 @@ from dataclasses import dataclass, field, fields
 from functools import wraps
 from html import escape
 from reprlib import Repr
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, dataclass_transform, overload
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Concatenate,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    dataclass_transform,
+    overload,
+)
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +29,8 @@ if TYPE_CHECKING:
     import polars
 
 Class = TypeVar("Class", bound=type)
+P = ParamSpec("P")
+R = TypeVar("R")
 
 LINES = 10  # of a repr at most
 WIDTH = 88  # characters of a repr that stands in one line, and of a field
@@ -111,8 +122,28 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
     return copy
 
 
+def derived(make: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Any, P], R]:
+    """Make what follows from a record, and from arguments that hash, once a record.
+
+    What a function of another file keeps so is what ``cached_property`` is inside a class. Copies
+    make it anew.
+    """
+
+    @wraps(make)
+    def found(record: Any, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        known = vars(record).setdefault("_derived", {})
+        key = make, args, *kwargs.items()
+        if key not in known:
+            known[key] = make(record, *args, **kwargs)
+        made: R = known[key]
+        return made
+
+    return found
+
+
 def _reduce(self: Any) -> tuple[Any, ...]:
-    return _restored, (type(self), self.__dict__)
+    state = {name: value for name, value in self.__dict__.items() if name != "_derived"}
+    return _restored, (type(self), state)
 
 
 def _restored(cls: type, state: dict[str, Any]) -> Any:

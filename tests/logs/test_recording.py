@@ -27,6 +27,7 @@ from loopid.logs.preparing import (
     provisional_cutoff,
     saturation_of,
     standing,
+    sticking,
     without_frozen,
 )
 from loopid.motion import Motion, joint_motion
@@ -482,7 +483,36 @@ def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):
     np.testing.assert_array_equal(signals.force[rows], recording.force)
     np.testing.assert_array_equal(rows, recording.history.rows)
     assert ends[0] in recording.dropped
-    idle = standing(knee, whole, signals.velocity, rows, lowpass)
+    stuck = sticking(whole, signals.velocity)
+    idle = standing(knee, whole, signals.velocity, rows, lowpass, stuck)
     limits = saturation_of(knee, whole)
     clipped = near_saturation(whole, limits, lowpass)[rows]
     np.testing.assert_array_equal(recording.used, ~(idle | clipped))
+
+
+def to_and_fro(seconds, rate=500.0, rest=0.0):
+    """Positions (N,) of a motor that turns back each second, and rests there; where it rests."""
+    time = np.arange(0.0, seconds, 1 / rate)
+    phase, left = np.divmod(time, 1.0 + rest)
+    return np.cos(np.pi * (phase + np.minimum(left, 1.0))), left > 1.0
+
+
+@pytest.mark.parametrize("step", [0.0, 1e-5, 1e-3])
+@pytest.mark.parametrize("spoil", ["steps", "held", "noise"])
+def test_a_motor_that_turns_back_smoothly_does_not_stick(step, spoil):
+    stuck = {}
+    for rest in (0.0, 0.2):
+        exact, rests = to_and_fro(20.0, rest=rest)
+        position = step * np.round(exact / step) if step else exact
+        if spoil == "held":
+            position = position[np.arange(len(position)) // 5 * 5]
+        if spoil == "noise":
+            position = exact + step / 3 * np.random.default_rng(0).normal(size=len(exact))
+        time = np.arange(len(position)) / 500.0
+        log = Log.from_arrays(time, position[:, None], 0 * position[:, None], ("motor",))
+        velocity = np.gradient(exact, time)[:, None]
+        stuck[rest] = sticking(log, velocity)[:, 0]
+    assert not stuck[0.0].any()
+    # Steps of a thousandth hide that it goes on for 20 ms before and after.
+    assert stuck[0.2][rests].mean() > 0.7
+    assert stuck[0.2][~rests].mean() < 0.05

@@ -454,8 +454,7 @@ def directions(recording: Recording) -> FloatArray:
     history, sign = recording.history, np.sign(recording.motion.velocities)
     for j, name in enumerate(recording.actuators):
         if history is not None and name in history.joints:
-            rate = history.velocity[:, history.joints.index(name)]
-            sign[:, j] = history.lowpassed(np.sign(rate))
+            sign[:, j] = history.lowpassed(history.directions(name))
     return np.asarray(sign, dtype=np.float64)
 
 

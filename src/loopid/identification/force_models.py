@@ -406,7 +406,7 @@ class ForceModel:
                 state = state._replace(torque=size)
             for k in own:
                 law = joint_term(self.parameters[columns[k]].kind)
-                signals[:, k] = law.signal(state, len(signals))
+                signals[:, k] = history.bridged(joint, law.signal(state, len(signals)))
         if set(links) <= set(robot.independent):
             own = [robot.independent.index(link) for link in links]
             shares = np.eye(len(robot.independent))[None, own]

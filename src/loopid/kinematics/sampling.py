@@ -14,9 +14,8 @@ from loopid.errors import AssemblyError
 from loopid.kinematics.assembly import AssemblyOptions, follow_paths, largest_opening
 from loopid.kinematics.closing import displaced, nearby_configurations
 from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
-from loopid.kinematics.poses import prepared
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
-from loopid.records import record
+from loopid.records import derived, record
 from loopid.robot.robot import Robot
 
 SINGULARITY_THRESHOLD = 0.02
@@ -106,8 +105,7 @@ def configuration_batches(
     options = SamplingOptions() if options is None else options
     if options.singularity_threshold is None:
         options = replace(options, singularity_threshold=robot.singularity_threshold)
-    drawn = prepared(robot).drawn
-    kept = drawn.get((seed, options), ())
+    kept = _kept(robot, seed, options)
     enough = sum(map(len, kept)) >= count
     batches, found = list[FloatArray](), 0
     for batch in kept if enough else _drawn(robot, seed, options):
@@ -118,7 +116,13 @@ def configuration_batches(
         if found >= count:
             break
     if batches and not enough:
-        drawn[seed, options] = tuple(batches)
+        kept[:] = batches
+
+
+@derived
+def _kept(robot: Robot, seed: int, options: SamplingOptions) -> list[FloatArray]:
+    """Batches that were drawn before, to be filled."""
+    return []
 
 
 def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatArray]:

@@ -43,7 +43,6 @@ REACH = 1.0
 LOGGED = 0.25
 RATE_ROUNDING = 1e-3  # relative error of measured rates
 OVERSAMPLING = 5.0  # samples a period of the cut-off, at least, where filtered ones are thinned
-FINEST = 1e-6  # step of an encoder, relative to the range of its positions, that counts as none
 
 
 @record(kw_only=True, checked=True)
@@ -136,6 +135,7 @@ class RateHistory:
     rates: tuple[float, ...]  # samples per second of each segment
     lowpass: LowPass
     idle: BoolArray  # (M, m), where a motor stands or turns back
+    stuck: BoolArray  # (M, m), where a motor sticks
     rows: IntArray  # (N,), which of the M samples were kept
     # Which were assembled (K,), and their motion; a part of a recording has those of all
     whole: tuple[IntArray, JointMotion]
@@ -151,6 +151,23 @@ class RateHistory:
         """Positions along each segment at a rate (M,), from wherever they start."""
         parts = zip(self.parts, self.rates, strict=True)
         return [np.cumsum(rate[part]) / frequency for part, frequency in parts]
+
+    def bridged(self, joint: str, signal: FloatArray) -> FloatArray:
+        """Friction (M,) of a joint, on a line while a motor sticks.
+
+        There the motor's force decides what it is. It goes from that of the motion before to that
+        of the motion after.
+        """
+        if joint not in self.joints:
+            return signal
+        stuck, rows = self.stuck[:, self.joints.index(joint)], np.arange(len(signal))
+        if stuck.all() or not stuck.any():
+            return signal
+        return np.interp(rows, rows[~stuck], signal[~stuck])
+
+    def directions(self, joint: str) -> FloatArray:
+        """Signs (M,) of the rate of a motor, as friction follows them."""
+        return self.bridged(joint, np.sign(self.velocity[:, self.joints.index(joint)]))
 
     def of_motion(self, robot: Robot, signal: Callable[[ClosedMotion], FloatArray]) -> FloatArray:
         """A signal (M,) of the whole motion, between assembled samples on a line."""
@@ -289,17 +306,14 @@ class Recording(Tabular):
         for joint, column in zip(self.actuators, found.T, strict=True):
             if history is not None and joint in history.joints:
                 own = history.joints.index(joint)
-                sign = np.sign(history.velocity[:, own])
-                column[:] = history.lowpassed(sign * history.idle[:, own])
+                column[:] = history.lowpassed(history.directions(joint) * history.idle[:, own])
         return found
 
     def step_of(self, joint: str) -> float:
         """Least difference of positions of a motor in the log, in m or rad; 0 where it has none."""
         if self.log is None or joint not in self.log.joints:
             return 0.0
-        steps = np.diff(np.unique(self.log.position[:, self.log.joints.index(joint)]))
-        steps = steps[steps > FINEST * steps.sum()]
-        return float(steps.min()) if len(steps) else 0.0
+        return self.log.step_of(joint)
 
     @property
     def open_cutoff(self) -> bool:
