@@ -104,7 +104,7 @@ class Outcome:
         used = self.data.used
         return replace(self.data, used=used & first), replace(self.data, used=used & ~first)
 
-    @property
+    @cached_property
     def fit(self) -> Fit:
         """The recommended values with their uncertainty, and whether a force is unexplained."""
         fit, worst = self.recommended.fit, self.unseen.worst
