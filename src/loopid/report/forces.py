@@ -21,7 +21,8 @@ from loopid.numbers import interval, number, with_error
 from loopid.plots.chart import Chart, Mark
 from loopid.plots.pictures import forces_chart, motors_panel, numbered
 from loopid.plots.structure import force_unit, robot_chart
-from loopid.report.look import json_fields, json_value, table_of
+from loopid.records import json_value
+from loopid.report.look import json_fields, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
 from loopid.robot.robot import Robot
 

@@ -25,7 +25,8 @@ from loopid.parameters import KINDS
 from loopid.plots import identified as charts
 from loopid.plots.pictures import alone, forces_chart
 from loopid.plots.structure import force_unit, robot_chart
-from loopid.report.look import json_fields, json_value, plain_table, table_of
+from loopid.records import json_value
+from loopid.report.look import json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 
 # Values that the terminal shows where they do not fit in two columns.
