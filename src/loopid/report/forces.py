@@ -14,8 +14,9 @@ from loopid.arguments import FloatArray, checked
 from loopid.diagnosis.gains import GainFit
 from loopid.diagnosis.payload import MotorMasses, PayloadFit
 from loopid.errors import RankError, counted
+from loopid.identification.outcome import ROUGH
 from loopid.identification.prediction import Prediction
-from loopid.identification.verdict import GOOD, ROUGH
+from loopid.identification.verdict import GOOD
 from loopid.numbers import interval, number, with_error
 from loopid.plots.chart import Chart, Mark
 from loopid.plots.pictures import forces_chart, motors_panel, numbered
