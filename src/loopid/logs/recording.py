@@ -141,11 +141,20 @@ class RateHistory:
     whole: tuple[IntArray, JointMotion]
 
     def of_joint(self, robot: Robot, joint: str) -> FloatArray:
-        """Rate (M,) of a motor, or of another joint, between assembled samples on a line."""
+        """Rate (M,) of a motor, or of another joint by its share in those of the motors."""
         if joint in self.joints:
             return self.velocity[:, self.joints.index(joint)]
         (index,) = robot.velocity_indices([joint])
-        return self.of_motion(robot, lambda motion: motion.velocities[:, index])
+        shares = self.of_motion(robot, lambda motion: motion.projection.G[:, index])
+        samples, motion = self.whole
+        rate, every = np.zeros(len(self.velocity)), np.arange(len(self.velocity))
+        for k, name in enumerate(robot.independent):
+            if name in self.joints:
+                own = self.velocity[:, self.joints.index(name)]
+            else:
+                own = np.interp(every, samples, motion.velocities[:, k])
+            rate += shares[:, k] * own
+        return rate
 
     def ways(self, rate: FloatArray) -> list[FloatArray]:
         """Positions along each segment at a rate (M,), from wherever they start."""
@@ -170,12 +179,15 @@ class RateHistory:
         return self.bridged(joint, np.sign(self.velocity[:, self.joints.index(joint)]))
 
     def of_motion(self, robot: Robot, signal: Callable[[ClosedMotion], FloatArray]) -> FloatArray:
-        """A signal (M,) of the whole motion, between assembled samples on a line."""
+        """A signal (M, ...) of the whole motion, between assembled samples on a line."""
         samples, motion = self.whole
         parts = []
         for rows in row_blocks(len(samples)):
             parts.append(signal(motion.closed(robot, rows)))
-        return np.interp(np.arange(len(self.velocity)), samples, np.concatenate(parts))
+        known, every = np.concatenate(parts), np.arange(len(self.velocity))
+        columns = known.reshape(len(samples), -1).T
+        found = np.stack([np.interp(every, samples, one) for one in columns], axis=1)
+        return found.reshape(len(every), *known.shape[1:])
 
     def lowpassed(self, signal: FloatArray) -> FloatArray:
         """A signal (M,) filtered, at the samples (N,) that were kept."""
