@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copyreg
+import math
 from collections.abc import Callable, Iterable, Mapping, Set
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import wraps
 from html import escape
 from reprlib import Repr
@@ -268,6 +269,25 @@ def digest(value: Any) -> int:
     # Compared by a rule, but hashed by its place in memory, as Pinocchio's models are.
     by_place = kind.__hash__ is object.__hash__ and kind.__eq__ is not object.__eq__
     return 0 if by_place or kind.__hash__ is None or _is_nan(value) else hash(value)
+
+
+def json_value(value: Any, *, nulls: bool = True) -> Any:
+    """Lists, dicts of records' fields, numbers, texts; null for infinity and NaN.
+
+    Without ``nulls`` keys of what is None are left out.
+    """
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if is_dataclass(value):
+        value = {each.name: getattr(value, each.name) for each in fields(value)}
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        kept = (item for item in value.items() if nulls or item[1] is not None)
+        return {key: json_value(each, nulls=nulls) for key, each in kept}
+    if isinstance(value, list | tuple):
+        return [json_value(each, nulls=nulls) for each in value]
+    return value
 
 
 def _is_nan(value: Any) -> bool:

@@ -10,7 +10,7 @@ import loopid
 from bank_robots import few_of
 from loopid import FitOptions, JointTerms, identify
 from loopid.errors import OptionError
-from loopid.findings import SEVERITIES
+from loopid.findings import SEVERITIES, Finding
 from loopid.identification.unseen import UnseenErrors
 from loopid.logs import Log, Recording
 from loopid.motion import Noise, scaled_bodies
@@ -188,3 +188,15 @@ def test_a_log_of_a_standstill_is_fit_for_nothing(robot, model, tmp_path):
     found.fit.save(saved, anyway=True)
     with pytest.raises(OptionError, match="no force follows the motion"):
         loopid.load_fit(saved).to_c(tmp_path)
+
+
+def test_singular_poses_are_why_a_log_is_not_fit(identified):
+    found = identified("a spring")
+    singular = Finding("warning", "the motion passes singular poses", "", "move elsewhere")
+    faults = (replace(found.log_faults[0], mistakes=(), singular=singular),)
+    found = replace(found, log_faults=faults)
+    assert singular in found.findings
+    half = replace(found.unseen, whole=found.unseen.force / 2, standstill=found.unseen.force)
+    object.__setattr__(found, "unseen", half)  # as a cached property does
+    assert str(found.verdict).startswith("Not fit for use, as the motion passes singular poses. ")
+    assert "Next: move elsewhere" in str(found.verdict)

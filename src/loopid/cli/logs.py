@@ -75,7 +75,7 @@ def identify(
     undo_delay: bool = Option(
         True, "--undo-delay/--keep-delay", help="Whether a clear delay of the forces is undone."
     ),
-    anyway: bool = Option(False, "--anyway", help="Save a fit that is absurd, too."),
+    anyway: bool = Option(False, "--anyway", help="Save a fit that is not fit for use, too."),
     n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes that compute the regressors."),
 ) -> None:
     """Identify parameters and friction from logs."""
@@ -235,8 +235,8 @@ def _require_gains(
 
 
 def _vetoed(report: Report, suspected: Sequence[LogFaults]) -> Report:
-    """The report with mistakes in the logs as findings, and the first one as its verdict."""
-    found = tuple(each for one in suspected for each in one.mistakes)
+    """The report with what is suspected of the logs, and the first mistake as its verdict."""
+    found = tuple(each for one in suspected for each in one.findings)
     mistake = next((each for each in found if each.severity == "mistake"), None)
     return replace(
         report,

@@ -35,7 +35,7 @@ from loopid.regressors.joint_terms import (
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.regressors.structural import structural_observation
-from loopid.robot.robot import Robot
+from loopid.robot.robot import Robot, position_of
 from loopid.workers import ordered_map
 
 # Joint terms by default: those below, and friction curves and load friction where data ask for it.
@@ -353,11 +353,12 @@ class ForceModel:
         ------
         DataError
             When the recording has none, as where a filter leaves nothing of it, or is of another
-            robot.
+            robot; when a joint with a spring makes turns that its configurations do not count.
         """
         require_robot(recording, self.robot)
         if not len(recording.motion.time):
             raise DataError(f"{recording.name} has no samples")
+        self._require_turns(recording)
         W = self._with_filtered_steps(self.regressor(recording.motion, n_jobs), recording)
         used, least = recording.used, None
         free = np.isin(recording.actuators, self.robot.free)
@@ -376,6 +377,24 @@ class ForceModel:
             segments=recording.segments,
             least_errors=least,
         )
+
+    def _require_turns(self, recording: Recording) -> None:
+        """Refuse springs of continuous joints that turn past the end of their angles."""
+        for name, kinds in (self.joint_terms or JointTerms(())).of_joints.items():
+            springs = [kind for kind in kinds if "position" in joint_term(kind).needs]
+            joint = self.robot.joint(name) if springs and name in self.robot.joints else None
+            if joint is None or joint.nq == joint.nv:
+                continue
+            angle = position_of(joint, recording.motion.configurations)
+            past = np.abs(np.diff(angle)) > np.pi
+            if past.any():
+                time = recording.motion.time[1:][past][0]
+                raise DataError(
+                    f"{recording.name}: {name} turns past ±π at {time:.2f} s, where its "
+                    f"{springs[0]} jumps: a continuous joint counts no turns, so make it revolute "
+                    "with limits in the robot file, or leave the term out",
+                    joint=name,
+                )
 
     def _with_filtered_steps(self, W: FloatArray, recording: Recording) -> FloatArray:
         """The regressor (N, dof, n) with friction that jumps filtered as the forces are.

@@ -39,7 +39,7 @@ from loopid.identification.information import (
 )
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut
-from loopid.identification.log_mistakes import LogFaults, log_faults_by_log
+from loopid.identification.log_mistakes import LogFaults, log_faults_by_log, singular_poses
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
@@ -222,7 +222,7 @@ def _in_time(
         force_model, runs[:3], undo=options.undo_delay, n_jobs=options.n_jobs
     )
     faults = log_faults_by_log(robot, [*chain(*groups)], force_model.joint_terms)
-    for mistake in (found for log in faults for found in log.mistakes):
+    for mistake in (found for log in faults for found in log.findings):
         mistake.warn()  # before what a wrong log may end in
     if cutoff is not None:
         cutoff.warn()
@@ -287,7 +287,9 @@ def _fitted(
                 data = force_model.widened(data, runs.training)
             solid = quiet_consistent_fit(force_model, data, whole.require_noise(), known)
             warn_of_bodies(force_model, solid.result)
-        missing = missing_forces(solid, force_model, runs.training, delay)
+        # Singular poses look like any force.
+        if singular_poses(runs.training) is None:
+            missing = missing_forces(solid, force_model, runs.training, delay)
         regions = _errors_by_region(solid, data)
     least = whole.noise if solid is None else solid.result.noise
     start = fit_joint_terms(force_model, data, noise=least)

@@ -11,7 +11,7 @@ from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.friction_curves import friction_curve, frictional_joints
 from loopid.identification.missing import missing_findings
-from loopid.identification.outcome import ALL, Outcome
+from loopid.identification.outcome import ALL, ROUGH, Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS
 from loopid.identification.result import Fit
 from loopid.logs.preparing import encoder_faults
@@ -19,9 +19,9 @@ from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
 
-# Error on new data as a part of a motor's force, in the root mean square: what a controller's
-# feedforward can be built on, and what it still profits from.
-GOOD, ROUGH = 0.1, 0.3
+# Error on new data as a part of a motor's force, in the root mean square, that a controller's
+# feedforward can be built on; up to ROUGH it still profits.
+GOOD = 0.1
 NAMED = 1  # motors that a finding names
 LEAST_CERTAIN = 2  # parameters that the verdict names
 # Errors over the sensors' noise, from which on the model lacks something: values follow that.
@@ -209,7 +209,7 @@ def _use(found: Outcome, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
     if not error <= ROUGH:
-        return NOT_FIT
+        return f"{NOT_FIT}, as {found.singular.title}" if found.singular else NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
     model = _of_model(found)
     if model is not None and model.severity == "note" and found.choice is not None:
@@ -288,6 +288,8 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
 
     Another motion does not help where forces are not explained.
     """
+    if found.singular is not None:
+        return (), found.singular.do
     model = _of_model(found)
     if model is not None and model.do:
         return (), model.do
@@ -301,7 +303,7 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
 def findings_of(found: Outcome) -> Iterator[Finding]:
     """What to know beside the numbers."""
     for one in found.log_faults:
-        yield from one.mistakes
+        yield from one.findings
     yield from _wrong(found)
     yield from _of_encoders(found)
     yield from _model_findings(found)

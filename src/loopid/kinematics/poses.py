@@ -22,8 +22,7 @@ from loopid.errors import DataError
 from loopid.parameters import model_kinds
 from loopid.records import derived
 from loopid.robot.closures import Equations, LoopClosure
-from loopid.robot.memory import Memory
-from loopid.robot.robot import Robot
+from loopid.robot.robot import Memory, Robot
 
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
 BLOCK = 1024

@@ -67,6 +67,7 @@ STANDSTILL = 0.5
 LEAST_STUCK, SOON_FAR = 4, 16.0
 NOISE_RANGE = 6 / (0.6745 * np.sqrt(20))  # of white noise, in medians of its third differences
 FROZEN = 20  # equal positions in a row that may be a frozen encoder
+NEAR_SINGULAR = "near a singularity"  # why samples are left out
 UNASSEMBLED = 0.5  # part of the samples whose loops may stay open
 
 
@@ -444,7 +445,7 @@ def assemble_samples(
         near = good.copy()
         near[good] = ~regular
         good[near] = False
-        dropped.append(Dropped.at("near a singularity", time[near]))
+        dropped.append(Dropped.at(NEAR_SINGULAR, time[near]))
         said = (
             f"{log.name}: the robot is near a singularity in {_where(time, near)} (measure down to "
             f"{measure.min():.1e}, at least {least:g} is required)"

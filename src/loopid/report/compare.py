@@ -12,7 +12,8 @@ from loopid.errors import DataError, OptionError, counted
 from loopid.identification.result import Fit
 from loopid.identification.saved import FitFile
 from loopid.plots.pictures import alone, comparison_chart
-from loopid.report.look import json_fields, json_value, table_of
+from loopid.records import json_value
+from loopid.report.look import json_fields, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
 
 NAMED = 3  # parameters that a cell names

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field
@@ -29,7 +30,6 @@ from loopid.errors import DataError, OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.records import record
 from loopid.robot.closures import CLOSURE_KINDS, UNIT, JointCoupling, LoopClosure
-from loopid.robot.memory import Memory
 from loopid.robot.platform import Platform
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
@@ -47,6 +47,32 @@ OUTSIDE = 1e-9  # rad or characteristic lengths: the round-off of a position at 
 SLIGHT = 1e-9  # of the steepest slope of a coupling: another is none
 NO_LIMIT = 1e100  # readers write the largest float where a file gives no limit
 LISTED = 8  # names in a sentence
+
+
+class Memory(threading.local):
+    """Pinocchio's data of a model, one for each thread; copies begin with new ones."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.model, self.data = model, model.createData()
+        self.placed = _placed(self.data)
+
+    def __reduce__(self) -> tuple[type[Memory], tuple[pin.Model]]:
+        return Memory, (self.model,)
+
+
+def _placed(data: pin.Data) -> FloatArray:
+    """All frames in Pinocchio's memory (nframes, 12), so that no object is made at a sample.
+
+    The columns of the rotation, then the origin: ``data.oMf`` is a C++ vector of these.
+    """
+    rotation = data.oMf[0].rotation
+    parts = [(each.rotation, each.translation) for each in data.oMf]
+    addresses = np.array([[part.ctypes.data for part in each] for each in parts])
+    step = (addresses[-1, 0] - addresses[0, 0]) // max(len(parts) - 1, 1)
+    found = addresses - addresses[0, 0] - step * np.arange(len(parts))[:, None]
+    assert np.all(found == (0, rotation.nbytes)), "Pinocchio keeps frames in another way"
+    shape, strides = (len(parts), 12), (step, rotation.itemsize)
+    return np.lib.stride_tricks.as_strided(rotation, shape, strides, writeable=False)
 
 
 @record(checked=True)
