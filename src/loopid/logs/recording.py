@@ -321,6 +321,14 @@ class Recording(Tabular):
                 column[:] = history.lowpassed(history.directions(joint) * history.idle[:, own])
         return found
 
+    def idle_speed(self, joint: str) -> float:
+        """Speed of a motor up to which it stands or turns back; 0 where that is not known."""
+        history = self.history
+        if history is None or joint not in history.joints:
+            return 0.0
+        own = history.joints.index(joint)
+        return float(np.abs(history.velocity[history.idle[:, own], own]).max(initial=0.0))
+
     def step_of(self, joint: str) -> float:
         """Least difference of positions of a motor in the log, in m or rad; 0 where it has none."""
         if self.log is None or joint not in self.log.joints:
