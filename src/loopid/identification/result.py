@@ -24,6 +24,7 @@ from loopid.records import record
 from loopid.registry import fit_exports
 from loopid.robot.robot import Robot
 
+RECOMMENDED = "parameters.yaml"  # in the folder of ``loopid identify --out``
 VALUES = "values"  # estimator of values that nothing was fitted to
 
 
@@ -352,6 +353,12 @@ class Fit(Estimates):
         return found
 
 
+def fit_file(path: str | Path) -> Path:
+    """The file of a saved fit, given itself or as the folder of ``loopid identify --out``."""
+    place = Path(path)
+    return place / RECOMMENDED if place.is_dir() else place
+
+
 @checked
 def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
     """Read a fit that ``Fit.save`` wrote, the same to the bit, with its force model.
@@ -359,7 +366,7 @@ def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
     Parameters
     ----------
     path : path
-        Ending in .yaml, .yml or .json.
+        Ending in .yaml, .yml or .json; or a folder of ``loopid identify --out``.
     robot : Robot or path, optional
         The robot, or its file; by default from where it was, loaded as it was.
 
@@ -387,7 +394,7 @@ def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
     >>> fit.robot.name, fit.parameters == model.parameters
     ('five_bar', True)
     """
-    file = FitFile.read(path)
+    file = FitFile.read(fit_file(path))
     own = robot if isinstance(robot, Robot) else file.load_robot(robot)
     return Fit(**file.estimates, model=file.model_of(own))
 

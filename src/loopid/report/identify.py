@@ -15,6 +15,7 @@ from loopid.identification.information import WeakDirection
 from loopid.identification.outcome import ROUGH
 from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.prediction import Prediction, prediction_reach
+from loopid.identification.result import RECOMMENDED
 from loopid.identification.saved import as_file
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, Verdict
@@ -224,7 +225,7 @@ def _fits(found: Identification, record: dict[str, Any], anyway: bool) -> dict[s
     except OptionError as refused:
         warn(f"parameters.yaml is not written: {refused}", DataWarning)
         return {}
-    files: dict[str, bytes | str] = {"parameters.yaml": as_file(record["fit"])}
+    files: dict[str, bytes | str] = {RECOMMENDED: as_file(record["fit"])}
     if found.recommended is not found["all parameters"]:
         files["all_parameters.yaml"] = as_file(record["all_parameters"])
     return files
