@@ -72,7 +72,9 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 log_formats: Registry[Any] = Registry("log format")
 # By the ending of the tree's file: a function of it, and of those options of ``Reading`` that it
 # takes, that gives a ``TreeSource``.
-robot_formats: Registry[Any] = Registry("ending of a robot file")
+robot_formats: Registry[Any] = Registry(
+    "ending of a robot file", {".urdf": "loopid.loading.urdf:read_urdf"}
+)
 # By the XPath of what shows that a URDF has it: a function of a ``UrdfFile`` and the model of its
 # tree, to mount frames in, that gives a ``Dialect``.
 urdf_dialects: Registry[Any] = Registry("sign of a dialect of URDF")

@@ -16,11 +16,12 @@ from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.identification.leaving_out import regions_of
-from loopid.identification.problem import ROUND_OFF, FitSamples
+from loopid.identification.problem import FitSamples
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording, require_robot
 from loopid.motion.joints import JointMotion
+from loopid.numbers import FIT_ROUND_OFF
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.progress import Progress
 from loopid.records import record
@@ -369,7 +370,7 @@ class ForceModel:
             largest = np.abs(W).max(axis=(0, 2))
             squares = ((W * self.prior) ** 2).sum(axis=(0, 2))
             # No mass takes part in a row that is round-off.
-            used = used & ~(free & (largest <= ROUND_OFF * largest.max(initial=0.0)))
+            used = used & ~(free & (largest <= FIT_ROUND_OFF * largest.max(initial=0.0)))
             least = np.where(free, LEAST_ERROR * np.sqrt(squares / len(W)), 0.0)
         return FitSamples.of(
             self.parameters,

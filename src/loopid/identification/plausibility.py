@@ -16,6 +16,7 @@ from loopid.findings import PAGE
 from loopid.identification.estimates import Estimates
 from loopid.identification.friction_curves import friction_curve, frictional_joints
 from loopid.identification.problem import FitSamples
+from loopid.numbers import SOLVED_ROUND_OFF
 from loopid.parameters import KINDS
 from loopid.regressors.joint_laws import joint_term
 
@@ -23,9 +24,8 @@ from loopid.regressors.joint_laws import joint_term
 # a contribution that is too small to do harm, and what a filter takes off: friction can be all of
 # the force.
 LEFT, SMALL = 0.01, 0.1
-# Rates that friction is looked at, from next to standstill to the fastest of the log; part of the
-# largest force that is round-off.
-RATES, SLOW, ROUND_OFF = 100, 1e-4, 1e-9
+# Rates that friction is looked at, from next to standstill to the fastest of the log.
+RATES, SLOW = 100, 1e-4
 # Part of a force's variance that a fit of all parameters explains in the data that were fitted:
 # below, the force does not follow the motion.
 NOISE = 0.2
@@ -95,7 +95,7 @@ def _of_friction(fit: Estimates) -> Iterator[str]:
         for way in (1.0, -1.0):
             curve = friction_curve(fit, joint, way * rates)
             values, ends = way * curve.values, (way * curve.band).max(axis=1)
-            drives = (values < -SMALL * most) | ((values < -ROUND_OFF * most) & (ends < 0))
+            drives = (values < -SMALL * most) | ((values < -SOLVED_ROUND_OFF * most) & (ends < 0))
             if values.max() > (1 + SMALL) * most:
                 k = int(values.argmax())
                 yield (
