@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from html import escape
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from loopid.arguments import (
     BoolArray,
     FloatArray,
     IntArray,
-    NotNegative,
     Number,
     checked,
     chosen,
@@ -112,7 +112,7 @@ class MaskOptions:
     0.02
     """
 
-    singularity_threshold: NotNegative | None = None
+    singularity_threshold: Annotated[float, Field(ge=0, le=1)] | None = None
 
     def least(self, robot: Robot) -> float:
         """Singularity measure that samples of a robot keep."""
