@@ -391,6 +391,9 @@ class Recording(Tabular):
         LogError
             When there are none in which a motor moves.
         """
+        for name, given in (("start", start), ("end", end)):
+            if np.isnan(given):
+                raise OptionError(f"{name} must be a time in s, not nan", argument=name)
         time = self.motion.time
         part = self.select((time >= start) & (time <= end))
         if not part.used.any():
