@@ -1,7 +1,7 @@
 """Arguments of public functions against their annotations: one case a type."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from inspect import unwrap
 from pathlib import Path
 from typing import Literal
@@ -171,6 +171,23 @@ def test_sizes_beyond_all_use_are_refused_before_work_begins(knee, ask, name):
     assert refused.value.facts["argument"] == name
 
 
+@pytest.mark.parametrize(
+    ("caller", "is_checked"),
+    [("loopid.robot.robot", False), ("loopid.cli.robots", True), ("loopids", True), ("mine", True)],
+)
+def test_calls_of_loopid_are_not_checked_but_for_its_commands(caller, is_checked):
+    @checked
+    def function(value: int) -> object:
+        return value
+
+    call = eval("lambda function: function('text')", {"__name__": caller})
+    if is_checked:
+        with pytest.raises(OptionError, match="value must be"):
+            call(function)
+    else:
+        assert call(function) == "text"
+
+
 def test_what_users_wrote_calls_as_users_do(knee):
     """Their functions and classes, inside of what is checked, are refused in plain words too."""
     refused = r"robot must be of type Robot, not 'knee'"
@@ -228,3 +245,27 @@ def test_calls_of_a_sample_are_looked_at_where_they_fail():
         gain.of(np.ones(2), limit="nonsense")
     with pytest.raises(ArithmeticError, match="beyond the limit"):  # of right arguments its own
         gain.of(np.full(2, 20.0))
+
+
+OPTIONS = [
+    loopid.kinematics.AssemblyOptions,
+    loopid.kinematics.SamplingOptions,
+    loopid.logs.FilterOptions,
+    loopid.logs.MaskOptions,
+    loopid.control.LoopOptions,
+    loopid.base_parameters.SearchOptions,
+    loopid.base_parameters.SubgroupSearch,
+    loopid.motion.Noise,
+    loopid.excitation.MotionLimits,
+    loopid.DesignOptions,
+    loopid.FitOptions,
+]
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("bad", [-1, -0.5, np.nan, np.inf, "?", [0.1]], ids=repr)
+def test_options_refuse_what_means_nothing(options, bad):
+    for field in fields(options):
+        if field.type != "bool":
+            with pytest.raises(LoopidError, match=field.name.removesuffix("s")):
+                options(**{field.name: bad})

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from html import escape
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from loopid.arguments import (
     BoolArray,
     FloatArray,
     IntArray,
-    NotNegative,
     Number,
     checked,
     chosen,
@@ -23,7 +23,7 @@ from loopid.arguments import (
 )
 from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.poses import frame_poses
-from loopid.kinematics.projection import ClosedMotion, project
+from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, project
 from loopid.kinematics.sampling import least_measure
 from loopid.logs.checks import frame_index
 from loopid.logs.grid import Dropped
@@ -103,7 +103,8 @@ class MaskOptions:
     ----------
     singularity_threshold : float, optional
         Samples with a smaller singularity measure are left out; by default a quarter of what random
-        poses keep (``SamplingOptions``): 0.005, or less where the geometry hardly allows it.
+        poses keep (``SamplingOptions``): 0.005, or down to 0.001 where the geometry hardly
+        allows it.
 
     Examples
     --------
@@ -112,13 +113,14 @@ class MaskOptions:
     0.02
     """
 
-    singularity_threshold: NotNegative | None = None
+    singularity_threshold: Annotated[float, Field(ge=0, le=1)] | None = None
 
     def least(self, robot: Robot) -> float:
         """Singularity measure that samples of a robot keep."""
-        if self.singularity_threshold is None:
-            return LOGGED * least_measure(robot)
-        return self.singularity_threshold
+        if self.singularity_threshold is not None:
+            return self.singularity_threshold
+        least = LOGGED * least_measure(robot)
+        return least if robot.singularity_threshold is not None else max(least, NEAR_SINGULARITY)
 
 
 @record
@@ -391,6 +393,9 @@ class Recording(Tabular):
         LogError
             When there are none in which a motor moves.
         """
+        for name, given in (("start", start), ("end", end)):
+            if np.isnan(given):
+                raise OptionError(f"{name} must be a time in s, not nan", argument=name)
         time = self.motion.time
         part = self.select((time >= start) & (time <= end))
         if not part.used.any():
