@@ -438,7 +438,7 @@ class Evidence:
         What sends them further away makes up for errors of another kind.
         """
         usual = max(float(before.values @ before.values), self.sensed)
-        return float(after.values @ after.values) <= usual
+        return bool(after.values @ after.values <= usual)
 
     def explains(
         self, found: Explanation, motors: Sequence[int], most: float, *, whole: bool
