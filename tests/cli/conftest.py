@@ -17,7 +17,7 @@ from loopid import JointTerms
 from loopid.cli import main
 from loopid.identification.log_mistakes import LogFaults
 from loopid.report import json_schema
-from made_runs import ARM, FRICTION, logged, wander
+from made_runs import ARM, logged, wander
 
 
 @dataclass
@@ -108,9 +108,3 @@ def arm_files(tmp_path_factory):
         motion = wander(arm, seed, seconds=20.0, rate=50.0, size=(1.0, 1.2))
         (folder / name).write_text(logged(arm, motion, terms, noise=0.1, seed=seed))
     return tuple(str(folder / name) for name in ("arm.urdf", "run.csv", "other.csv"))
-
-
-@pytest.fixture(scope="session")
-def friction_values():
-    """Coulomb friction of the knee robot's motors by label."""
-    return {f"leg{limb}_stroke.Fc": value for limb, value in enumerate(FRICTION["Fc"], 1)}
