@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import builtins
 import sys
-import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
-from contextlib import contextmanager
 from dataclasses import is_dataclass
 from functools import cache, wraps
 from inspect import isfunction, signature, unwrap
@@ -33,7 +31,6 @@ from typing import (
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import (
-    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -257,8 +254,8 @@ def checked(thing: Callable[P, R]) -> Callable[P, R]: ...
 def checked(thing: Any) -> Any:
     """Refuse arguments that are not of the annotated types, among numbers also NaN.
 
-    Of a class these are arguments of ``__init__`` and of all public methods. What a checked
-    function calls does not check again, but for ``__init__``: what loopid gives it is right. Lists
+    Of a class these are arguments of ``__init__`` and of all public methods. Calls
+    from loopid's own code are not checked, but for ``__init__``: what it gives is right. Lists
     become arrays where these are annotated. Arrays or columns of data frames become lists. Shapes
     of arrays are left to the function, which knows them.
 
@@ -300,26 +297,17 @@ def _with_checks(
     return owner
 
 
-_calls = threading.local()  # whether a thread is inside a function that is checked
+# Who calls from these is whoever called them.
+BETWEEN = {"loopid.arguments", "loopid.records", "contextlib", "dataclasses"}
+USERS = "loopid.cli."  # commands pass on what users say
 
 
-@contextmanager
-def of_user() -> Iterator[None]:
-    """What users wrote is called in here: what it calls is checked, as all that users call."""
-    inside, _calls.inside = getattr(_calls, "inside", False), False
-    try:
-        yield
-    finally:
-        _calls.inside = inside
-
-
-def _as_of_user(function: Callable[P, R]) -> Callable[P, R]:
-    @wraps(function)
-    def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        with of_user():
-            return function(*args, **kwargs)
-
-    return call
+def _loopid_calls() -> bool:
+    """Whether loopid's own code makes the call that is to be checked."""
+    frame: Any = sys._getframe(2)
+    while (name := frame.f_globals.get("__name__", "")) in BETWEEN:
+        frame = frame.f_back
+    return name.startswith("loopid.") and not name.startswith(USERS)
 
 
 def _checked(
@@ -339,16 +327,13 @@ def _checked(
             names |= vars(sys.modules[base.__module__])
         names |= unwrap(function).__globals__
         hints = get_type_hints(taken, {}, names, include_extras=True)
-        if not made:  # a field stays what it is
-            hints = {name: _called_back(hint) for name, hint in hints.items()}
         taken.__annotations__ = {name: _instances(hint) for name, hint in hints.items()}
         config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=result)
         return validate_call(config=config)(taken)
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        inside = getattr(_calls, "inside", False)
-        if inside and (result or not made):
+        if (result or not made) and _loopid_calls():
             return function(*args, **kwargs)
         try:
             args, kwargs = validated()(*args, **kwargs)
@@ -362,11 +347,7 @@ def _checked(
             # Which arguments there are is said by the call itself, with the function's name.
             if "argument" not in details[0]["type"]:
                 raise _refusal(details, list(signature(function).parameters)) from None
-        _calls.inside = True
-        try:
-            return function(*args, **kwargs)  # or a TypeError in Python's words
-        finally:
-            _calls.inside = inside
+        return function(*args, **kwargs)  # or a TypeError in Python's words
 
     return call
 
@@ -444,14 +425,6 @@ def _instances(hint: Any) -> Any:
     whole = (list if kind in several[3:] else kind)[tuple(map(_instances, parts))]
     apart = (list, tuple, str, bytes) + (Mapping, Set) * (kind not in several[3:])
     return Annotated[whole, BeforeValidator(_listed(apart))] if kind in several else whole
-
-
-def _called_back(hint: Any) -> Any:
-    """The annotation of a function that users may give, whose calls are theirs."""
-    parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-    if {get_origin(each) or each for each in parts} - {NoneType} == {Callable}:
-        return Annotated[hint, AfterValidator(lambda f: f if f is None else _as_of_user(f))]
-    return hint
 
 
 def _no_text(given: Any) -> Any:

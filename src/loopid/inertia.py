@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from loopid.arguments import BoolArray, FloatArray, finite
 from loopid.errors import DataError
+from loopid.numbers import ROUND_OFF
 from loopid.parameters import KINDS
 from loopid.records import record
 
@@ -20,7 +21,6 @@ from loopid.records import record
 # below this part of the largest count as zero. Those of a plate a metre wide and a tenth of a
 # millimetre thick are of this size.
 FLAT = 1e-8
-ROUND_OFF = 1e-14  # of central moments, relative to the moments about the origin
 
 
 def pseudo_inertia(parameters: FloatArray) -> FloatArray:

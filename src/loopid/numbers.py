@@ -1,9 +1,16 @@
-"""Numbers as they are shown: to the digits that are known."""
+"""Numbers as they are shown, to the digits that are known, and their round-off."""
 
 from __future__ import annotations
 
 import math
 
+# Relative round-off: of one operation; of some; of sums of many terms and factors of matrices; of
+# residuals, roots of differences of such sums; of solutions, by matrices that are near singular.
+UNIT_ROUND_OFF = 2.0**-53
+ROUND_OFF = 1e-14
+SUM_ROUND_OFF = 1e-13
+FIT_ROUND_OFF = 1e-10
+SOLVED_ROUND_OFF = 1e-9
 NORMAL_95 = 1.96  # standard deviations to the end of the 95 % interval of a normal distribution
 
 

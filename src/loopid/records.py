@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import copyreg
+import math
 from collections.abc import Callable, Iterable, Mapping, Set
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import wraps
 from html import escape
 from reprlib import Repr
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, dataclass_transform, overload
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Concatenate,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    dataclass_transform,
+    overload,
+)
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +30,8 @@ if TYPE_CHECKING:
     import polars
 
 Class = TypeVar("Class", bound=type)
+P = ParamSpec("P")
+R = TypeVar("R")
 
 LINES = 10  # of a repr at most
 WIDTH = 88  # characters of a repr that stands in one line, and of a field
@@ -111,8 +123,28 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
     return copy
 
 
+def derived(make: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Any, P], R]:
+    """Make what follows from a record, and from arguments that hash, once a record.
+
+    What a function of another file keeps so is what ``cached_property`` is inside a class. Copies
+    make it anew.
+    """
+
+    @wraps(make)
+    def found(record: Any, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        known = vars(record).setdefault("_derived", {})
+        key = make, args, *kwargs.items()
+        if key not in known:
+            known[key] = make(record, *args, **kwargs)
+        made: R = known[key]
+        return made
+
+    return found
+
+
 def _reduce(self: Any) -> tuple[Any, ...]:
-    return _restored, (type(self), self.__dict__)
+    state = {name: value for name, value in self.__dict__.items() if name != "_derived"}
+    return _restored, (type(self), state)
 
 
 def _restored(cls: type, state: dict[str, Any]) -> Any:
@@ -237,6 +269,25 @@ def digest(value: Any) -> int:
     # Compared by a rule, but hashed by its place in memory, as Pinocchio's models are.
     by_place = kind.__hash__ is object.__hash__ and kind.__eq__ is not object.__eq__
     return 0 if by_place or kind.__hash__ is None or _is_nan(value) else hash(value)
+
+
+def json_value(value: Any, *, nulls: bool = True) -> Any:
+    """Lists, dicts of records' fields, numbers, texts; null for infinity and NaN.
+
+    Without ``nulls`` keys of what is None are left out.
+    """
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if is_dataclass(value):
+        value = {each.name: getattr(value, each.name) for each in fields(value)}
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        kept = (item for item in value.items() if nulls or item[1] is not None)
+        return {key: json_value(each, nulls=nulls) for key, each in kept}
+    if isinstance(value, list | tuple):
+        return [json_value(each, nulls=nulls) for each in value]
+    return value
 
 
 def _is_nan(value: Any) -> bool:

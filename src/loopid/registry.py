@@ -72,14 +72,16 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 log_formats: Registry[Any] = Registry("log format")
 # By the ending of the tree's file: a function of it, and of those options of ``Reading`` that it
 # takes, that gives a ``TreeSource``.
-robot_formats: Registry[Any] = Registry("ending of a robot file")
+robot_formats: Registry[Any] = Registry(
+    "ending of a robot file", {".urdf": "loopid.loading.urdf:read_urdf"}
+)
 # By the XPath of what shows that a URDF has it: a function of a ``UrdfFile`` and the model of its
 # tree, to mount frames in, that gives a ``Dialect``.
 urdf_dialects: Registry[Any] = Registry("sign of a dialect of URDF")
 # By the ending of the tree's file: a class of it with the ``inertials`` of its links, ``edited``
 # (its content with other ones, and other joint terms) and ``joint_terms`` of such a content.
 editable_files: Registry[Any] = Registry("ending of a robot file that can be edited")
-# What words of robot files mean that loading has no other use for: the laws of joint terms.
+# What words of robot files mean, to loading, which is below the laws of joint terms.
 words_of_files: Registry[Any] = Registry(
     "word of robot files", {"joint term": "loopid.regressors.joint_laws:joint_term"}
 )

@@ -77,7 +77,7 @@ def test_a_fit_of_a_log_with_a_mistake_is_refused_unless_asked_for_anyway(run, t
     found, _, place = saved(tmp_path)
     mistake = "the force of left_crank_joint has the wrong sign"
     fit = replace(load_fit(place), mistakes=(mistake,))
-    loopid.Fit.of(found, fit).save(place)
+    loopid.Fit.of(found, fit).save(place, anyway=True)
     out = tmp_path / "new.yaml"
     refused = run("export", "five_bar", place, "--yaml", out)
     assert_refused(refused, "not fit for use", mistake, "--anyway")

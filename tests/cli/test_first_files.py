@@ -141,6 +141,24 @@ def test_shells_complete_robots_joints_models_and_terms(tmp_path, monkeypatch):
     assert "file" in completion.terms("f")
 
 
+@pytest.mark.parametrize(
+    ("command", "option", "start", "words"),
+    [
+        ("identify", "estimator", "b", ["bisquare"]),
+        ("payload", "estimator", "o", ["ols"]),
+        ("base", "search", "", ["exact", "subgroup", "qr"]),
+        ("base", "criterion", "r", ["regressor"]),
+        ("excite", "criterion", "", ["D", "A", "E", "condition"]),
+        ("excite", "solver", "s", ["slsqp"]),
+        ("schema", "kind", "m", ["mapping", "motions"]),
+    ],
+)
+def test_shells_complete_words(command, option, start, words):
+    (known,) = (each for each in COMMANDS[command].params if each.name == option)
+    found = known.shell_complete(typer.Context(COMMANDS[command]), start)
+    assert [each.value for each in found] == words
+
+
 def test_what_a_mapping_advises_is_in_the_words_of_who_asks(run, tmp_path):
     """And of a robot whose motors are not known, joints without forces are not asked for."""
     log = tmp_path / "run.csv"

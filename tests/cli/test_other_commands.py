@@ -203,3 +203,35 @@ def test_one_fit_is_not_compared_with_itself(run, tmp_path):
     assert (done.code, done.out) == (2, "")
     assert done.err == f"loopid: error: {once} is given twice: compare different fits\n"
     assert run("compare", once, other).code == 0
+
+
+def test_fits_of_different_robots_are_not_compared(run, tmp_path):
+    for name in ("five_bar", "four_bar"):
+        model = loopid.force_model(loopid.load(name), "gravity", None)
+        loopid.Fit.of(model, model.prior).save(tmp_path / f"{name}.json")
+    done = run("compare", tmp_path / "five_bar.json", tmp_path / "four_bar.json")
+    assert done.code == 2
+    assert "five_bar.json is of five_bar, four_bar.json is of four_bar; compare" in done.err
+
+
+def test_the_folder_of_a_fit_stands_for_it(run, tmp_path):
+    model = loopid.force_model(loopid.load("five_bar"), "gravity", None)
+    fit = loopid.Fit.of(model, model.prior)
+    assert loopid.load_fit(fit.save(tmp_path / "parameters.yaml").parent) == fit
+    done = run("export", "five_bar", tmp_path, "--yaml", tmp_path / "other.yaml")
+    assert (done.code, done.err) == (0, "")
+    refused = run("export", "five_bar", tmp_path, "--yaml", tmp_path / "parameters.yaml")
+    assert refused.code == 2
+
+
+def test_figures_without_a_folder_are_refused(run):
+    done = run("check", "five_bar", "--figures")
+    assert done.code == 2
+    assert done.err.endswith("--figures are written to a folder: give --out DIR, too\n")
+
+
+def test_a_lock_out_of_reach_is_named(run):
+    done = run("check", "3ups_rpu", "--lock", "leg1_stroke=3")
+    assert done.code == 2
+    assert "with leg1_stroke at 3 locked: lock at values within reach, or without" in done.err
+    assert run("check", "3ups_rpu", "--lock", "leg1_stroke").code == 0

@@ -17,14 +17,14 @@ from loopid.identification.friction import (
 )
 from loopid.identification.joint_priors import dissipation, joint_parameters
 from loopid.logs import Recording
-from loopid.motion import Noise, scaled_bodies
+from loopid.motion import Motion, Noise, joint_motion, scaled_bodies
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
 from made_runs import identify_unjudged, logged, quietly, record, simulated, unchecked, wander
 from smooth_data import runs
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
-LINE = "Fc=0.1,Fv=0.05"
+LINE, LINE_VALUES = "Fc=0.1,Fv=0.05", {"Fc": 0.1, "Fv": 0.05}
 LEFT = "left_crank_joint"
 
 
@@ -335,3 +335,31 @@ def test_friction_at_rest_is_in_no_parameter_and_in_all_errors(robot, model, sti
         assert found.fit[f"{joint}.Fc"].value == pytest.approx(0.1, abs=5e-4)
     best = found["consistent"]
     assert (best.regions >= best.fit.quality.residual_rms).all()
+
+
+def test_while_a_motor_sticks_its_friction_goes_from_before_to_after(robot, model):
+    """Else the sign of a rate that is none makes errors of all friction beside reversals."""
+    time, step = np.arange(0.0, 10.0, 1 / 200.0), 2 * np.pi / 2**17
+    turns, left = np.divmod(time, 1.1)  # motors turn back each second, and stick for 0.1 s
+    phase, way = np.pi * (turns + np.minimum(left, 1.0)), np.array([0.4, -0.3])
+    omega, before = np.pi * (left < 1.0)[:, None], (1 - 2 * (turns[:, None] % 2)) * -np.sign(way)
+    sine, cosine = np.sin(phase)[:, None], np.cos(phase)[:, None]
+    rates = -way * omega * sine, -way * omega**2 * cosine
+    moved = Motion(robot.actuated, time, np.array([2.088, 0.714]) + way * cosine, *rates)
+    terms = JointTerms.with_values(robot, LINE)
+    made = simulated(robot, joint_motion(robot, moved), None, terms=terms)
+    rests = 0.1 * before * (1.05 - left[:, None]) / 0.05
+    force = np.where(omega > 0, made.exact_force, made.exact_force + rests)
+    log = unchecked(time, step * np.round(made.position / step), force, robot.actuated)
+    recording = loopid.prepare(robot, log, filter=FilterOptions(cutoff=8.0))
+    labels, standard = model.base.parameters.labels, robot.standard_parameters()
+    values = dict(zip(robot.parameters().labels, standard, strict=True))
+    values |= {f"{joint}.{kind}": x for joint in robot.actuated for kind, x in LINE_VALUES.items()}
+    true = model.base.values(np.array([values.get(label, 0.0) for label in labels]))
+    errors = np.abs(model.samples(recording).residual(true))
+    assert errors[recording.used].max() < 0.01
+    assert 0.4 < recording.used.mean() < 0.8
+    for joint, stuck in zip(robot.actuated, recording.history.stuck.T, strict=True):
+        direction = recording.history.directions(joint)
+        assert (np.abs(direction[~stuck]) == 1).all()
+        assert np.abs(np.diff(direction)[stuck[1:]]).max() < 0.15  # no jump of 2

@@ -346,6 +346,27 @@ def test_nothing_is_suspected_of_what_is_right(runs, name):
         assert one.interval[1] - one.interval[0] < 0.3
 
 
+def passing(run, measure, larger):
+    """A log that passes a pose of some singularity measure, with forces that are larger there."""
+    singularity, force = np.ones(len(run)), run.force.copy()
+    singularity[40:50], force[40:50] = measure, larger * force[40:50]
+    return replace(run, force=force, motion=replace(run.motion, singularity=singularity))
+
+
+@pytest.mark.parametrize(("measure", "larger", "named"), [(0.02, 9, 1), (0.02, 1, 0), (0.5, 9, 0)])
+def test_singular_poses_are_the_reason_and_no_mistake_is(load_once, measure, larger, named):
+    robot = load_once("five_bar")
+    run = record(robot, wander(robot, 0, seconds=5.0, rate=40.0), noise=0.01)
+    found = log_faults(robot, [passing(replace(run, force=1e3 * run.force), measure, larger)])
+    assert bool(found.singular) == named
+    assert bool(found.mistakes) == (larger == 1)
+    if named:
+        for said in ("0.02 at 1.00 s", "below 0.1, a tenth"):
+            assert said in found.singular.why
+        assert found.findings == (found.singular,)
+        assert on_the_page(found.singular.title)
+
+
 @pytest.mark.parametrize("name", few_of(["four_bar", "five_bar", "3ups_rpu", "delta"], "five_bar"))
 def test_nothing_is_suspected_of_what_stands_or_is_short(load_once, name):
     robot = load_once(name)
@@ -455,6 +476,16 @@ def test_a_base_that_is_not_mounted_as_the_file_has_it_is_named(mounted, gravity
     advised = map(float, re.search(r"gravity: \[(.*)\]", found.do)[1].split(","))
     assert tuple(advised) == pytest.approx(gravity, abs=1e-3)
     assert suspected(hung) == ()
+
+
+@pytest.mark.parametrize(
+    ("size", "reach", "most"),
+    [(2.0, 0.1, 0.15), (0.03, 0.01, 0.6), (0.2, 0.01, 0.15), (30.0, 5.0, 0.15)],
+)
+def test_a_motor_with_a_small_part_of_its_force_may_have_any_bodies(size, reach, most):
+    """No missing force takes all of a force away but for a part of the same shape."""
+    found = _Find("gain", (0,), after=None, evidence=0.0, size=size, reach=reach)
+    assert found.shape == most
 
 
 @pytest.mark.parametrize(("reach", "worth"), [(4.5, True), (5.5, False)])

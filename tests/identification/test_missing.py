@@ -9,8 +9,10 @@ import pytest
 import loopid
 from bank_robots import few_of
 from loopid import JointTerms
+from loopid.identification import Delay
+from loopid.identification.fitting import working_fit
 from loopid.identification.lengths import length_forces
-from loopid.identification.missing import _slow
+from loopid.identification.missing import _slow, missing_forces
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
 from loopid.logs import Recording
@@ -87,6 +89,22 @@ def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, wi
     assert len(finding.brief) <= 2 * 80 - len("warning: ")
     assert finding.do in finding.brief
     assert "as parameters" not in str(found.verdict)
+
+
+def test_what_is_left_of_a_delay_is_no_missing_force(robot, model):
+    motion = wander(robot, 4, 20.0, 50.0, size=(0.5, 0.5))
+    plain, late = record(robot, motion, None, scaled_bodies(robot, 0.2), 0.01), 0.01
+    force = np.stack([np.interp(motion.time - late, motion.time, own) for own in plain.force.T], 1)
+    read = unchecked(motion.time, np.zeros_like(force), force, robot.actuated)
+    runs = [replace(plain, force=force, log=read)]
+    fit = working_fit(loopid.identification.samples_of(model, runs))
+    none, ends = np.zeros(2), np.full((2, 2), np.inf)
+    left = Delay(robot.actuated, 0.0, (-np.inf, np.inf), none, ends, 0.02, none, np.array([late]))
+    certain = [
+        {each.certainty for each in missing_forces(fit, model, runs, delay)}
+        for delay in (None, left)
+    ]
+    assert ["clear" in each for each in certain] == [True, False]
 
 
 def test_what_advice_prints_takes_the_spring_away(robot, with_law):

@@ -144,3 +144,31 @@ def test_a_fit_of_a_log_with_a_mistake_says_that_this_comes_first(found, tmp_pat
     with pytest.raises(OptionError, match=f"its log has a mistake, {mistake}") as refused:
         fit.save(tmp_path / "a.yaml")
     assert "terms=" not in str(refused.value)
+
+
+REASONS = [{"mistakes": ("a sign",)}, {"broken": ("a law",)}, {"unexplained": ("an error",)}]
+
+
+@pytest.mark.parametrize("reason", REASONS)
+@pytest.mark.parametrize("way", ["save", "to_robot_file", "to_c", "to_pinocchio", "dynamics"])
+def test_what_is_not_fit_for_use_leaves_on_no_way(found, tmp_path, way, reason):
+    fit, robot = replace(found.fit, **reason), found.force_model.robot
+    ways = {
+        "save": lambda: fit.save(tmp_path / "a.yaml"),
+        "to_robot_file": lambda: fit.to_robot_file(tmp_path / "a.urdf"),
+        "to_c": lambda: fit.to_c(tmp_path),
+        "to_pinocchio": fit.to_pinocchio,
+        "dynamics": lambda: Dynamics(robot, fit),
+    }
+    (((said,),),) = (reason.values(),)
+    with pytest.raises(OptionError, match=f"not fit for use.*{said}.*anyway=True"):
+        ways[way]()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_force_that_is_not_explained_is_a_reason(found):
+    half = replace(found.unseen, whole=0.5 * found.unseen.force)
+    other = replace(found)
+    object.__setattr__(other, "unseen", half)  # as what is kept of a record
+    assert "50 % of its force" in other.fit.unexplained[0]
+    assert found.fit.unexplained == ()

@@ -5,8 +5,10 @@ import pytest
 
 import loopid
 from loopid import JointTerms
+from loopid.errors import DataError
 from loopid.identification.fitting import quiet_fit
-from made_runs import modelled, wander
+from loopid.motion import Motion, joint_motion
+from made_runs import ARM, modelled, wander
 
 # Linear at a motor, polynomial at the other one, piecewise linear at a passive joint.
 SPRINGS = (
@@ -44,3 +46,24 @@ def test_intervals_of_springs_cover_them(sprung):
         covered = (intervals[:, 0] <= truth) & (truth <= intervals[:, 1])
         inside.append(covered[model.joint_columns])
     assert 0.92 <= np.mean(inside) <= 0.98
+
+
+@pytest.mark.parametrize(
+    ("kind", "about"), [("continuous", 0.0), ("continuous", 3.0), ("revolute", 3.0)]
+)
+def test_springs_of_joints_that_count_no_turns_are_refused_past_the_end(tmp_path, kind, about):
+    (tmp_path / "arm.urdf").write_text(ARM.replace('type="revolute"', f'type="{kind}"'))
+    robot = loopid.load(tmp_path / "arm.urdf")
+    time = np.arange(0, 5, 0.05)
+    way = np.column_stack([about + 0.5 * np.sin(time), np.cos(time)])
+    rates = np.gradient(way, time, axis=0), np.zeros_like(way)
+    motion = joint_motion(robot, Motion(robot.measured, time, way, *rates))
+    model = loopid.force_model(robot, "gravity", "Fv; shoulder: Ks")
+    run = modelled(model, motion, model.prior, noise=0.0)
+    if kind == "continuous" and about:
+        with pytest.raises(
+            DataError, match=r"shoulder turns past ±π at 0.30 s, where its Ks jumps"
+        ):
+            model.samples(run)
+    else:
+        assert len(model.samples(run).force) == len(time)

@@ -10,7 +10,7 @@ import loopid
 from bank_robots import few_of
 from loopid import FitOptions, JointTerms, identify
 from loopid.errors import OptionError
-from loopid.findings import SEVERITIES
+from loopid.findings import SEVERITIES, Finding
 from loopid.identification.unseen import UnseenErrors
 from loopid.logs import Log, Recording
 from loopid.motion import Noise, scaled_bodies
@@ -102,6 +102,20 @@ def test_a_right_one_is(identified):
     assert (rms >= found["consistent"].validation.residual_rms).all()
 
 
+@pytest.mark.parametrize("lacking", [0.0, 12.0])
+def test_a_force_without_what_the_drive_adds_in_proportion_to_speed_is_named(robot, lacking):
+    """Its friction brakes at low speed and drives at high speed, as none does."""
+    motion = wander(robot, 4, 12.0, 50.0, size=(0.5, 0.5))
+    run = record(robot, motion, JointTerms.with_values(robot, "Fc=3,Fv=0.05"), noise=0.01)
+    force = run.force.copy()
+    force[:, 0] -= lacking * motion.velocities[:, robot.joint("left_crank_joint").idx_v]
+    model = loopid.force_model(robot, "full", "Fc,Fv")
+    found = quietly(identify, model, [Recording.of_motion(motion, force, robot.actuated)])
+    named = "friction of left_crank_joint changes its sign with speed"
+    assert (named in [each.title for each in found.findings]) == (lacking > 0)
+    assert ("log the whole force" in str(found.verdict)) == (lacking > 0)
+
+
 def test_a_fit_that_is_not_at_its_best_is_not(identified):
     found = identified()
     best = found["consistent"]
@@ -174,3 +188,15 @@ def test_a_log_of_a_standstill_is_fit_for_nothing(robot, model, tmp_path):
     found.fit.save(saved, anyway=True)
     with pytest.raises(OptionError, match="no force follows the motion"):
         loopid.load_fit(saved).to_c(tmp_path)
+
+
+def test_singular_poses_are_why_a_log_is_not_fit(identified):
+    found = identified("a spring")
+    singular = Finding("warning", "the motion passes singular poses", "", "move elsewhere")
+    faults = (replace(found.log_faults[0], mistakes=(), singular=singular),)
+    found = replace(found, log_faults=faults)
+    assert singular in found.findings
+    half = replace(found.unseen, whole=found.unseen.force / 2, standstill=found.unseen.force)
+    object.__setattr__(found, "unseen", half)  # as a cached property does
+    assert str(found.verdict).startswith("Not fit for use, as the motion passes singular poses. ")
+    assert "Next: move elsewhere" in str(found.verdict)

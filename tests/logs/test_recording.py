@@ -8,8 +8,14 @@ import pytest
 
 import loopid
 from loopid.errors import AssemblyError, DataError, DataWarning, LogError, OptionError
-from loopid.kinematics import constraint_residual, platform_coordinates
+from loopid.kinematics import (
+    SamplingOptions,
+    constraint_residual,
+    platform_coordinates,
+    random_configurations,
+)
 from loopid.kinematics.measured import JointCoordinates
+from loopid.kinematics.projection import singularity_measure
 from loopid.logs import FilterOptions, Log, LogMapping, MaskOptions, read_log
 from loopid.logs.preparing import (
     assemble_samples,
@@ -21,6 +27,7 @@ from loopid.logs.preparing import (
     provisional_cutoff,
     saturation_of,
     standing,
+    sticking,
     without_frozen,
 )
 from loopid.motion import Motion, joint_motion
@@ -333,8 +340,19 @@ def test_near_a_singularity_samples_are_left_out(knee, log, truth):
     assert any(part.reason == "near a singularity" for part in recording.dropped)
     steps = np.diff(recording.motion.time)[np.diff(recording.segments) == 0]
     np.testing.assert_allclose(steps, 0.04, atol=1e-9)
-    with pytest.raises(LogError, match="near a singularity in 391 of 391 samples"):
+    said = r"near a singularity in 391 of 391 samples.*lower 'singularity_threshold'"
+    with pytest.raises(LogError, match=said):
         prepared(knee, log, masks=MaskOptions(singularity_threshold=1.0))
+
+
+def test_the_geometry_decides_how_near_to_singularities_samples_come(knee):
+    assert MaskOptions().least(knee) == 0.005
+    assert MaskOptions().least(replace(knee, singularity_threshold=0.2)) == 0.05
+    near = SamplingOptions(singularity_threshold=1e-3)
+    drawn = random_configurations(knee, 200, options=near)
+    measures = singularity_measure(knee, drawn)
+    flat = replace(knee, reference=drawn[measures.argmin()])
+    assert MaskOptions().least(flat) == pytest.approx(measures.min() / 8)
 
 
 def test_progress_ends_complete(knee, log, monkeypatch):
@@ -465,7 +483,36 @@ def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):
     np.testing.assert_array_equal(signals.force[rows], recording.force)
     np.testing.assert_array_equal(rows, recording.history.rows)
     assert ends[0] in recording.dropped
-    idle = standing(knee, whole, signals.velocity, rows, lowpass)
+    stuck = sticking(whole, signals.velocity)
+    idle = standing(knee, whole, signals.velocity, rows, lowpass, stuck)
     limits = saturation_of(knee, whole)
     clipped = near_saturation(whole, limits, lowpass)[rows]
     np.testing.assert_array_equal(recording.used, ~(idle | clipped))
+
+
+def to_and_fro(seconds, rate=500.0, rest=0.0):
+    """Positions (N,) of a motor that turns back each second, and rests there; where it rests."""
+    time = np.arange(0.0, seconds, 1 / rate)
+    phase, left = np.divmod(time, 1.0 + rest)
+    return np.cos(np.pi * (phase + np.minimum(left, 1.0))), left > 1.0
+
+
+@pytest.mark.parametrize("step", [0.0, 1e-5, 1e-3])
+@pytest.mark.parametrize("spoil", ["steps", "held", "noise"])
+def test_a_motor_that_turns_back_smoothly_does_not_stick(step, spoil):
+    stuck = {}
+    for rest in (0.0, 0.2):
+        exact, rests = to_and_fro(20.0, rest=rest)
+        position = step * np.round(exact / step) if step else exact
+        if spoil == "held":
+            position = position[np.arange(len(position)) // 5 * 5]
+        if spoil == "noise":
+            position = exact + step / 3 * np.random.default_rng(0).normal(size=len(exact))
+        time = np.arange(len(position)) / 500.0
+        log = Log.from_arrays(time, position[:, None], 0 * position[:, None], ("motor",))
+        velocity = np.gradient(exact, time)[:, None]
+        stuck[rest] = sticking(log, velocity)[:, 0]
+    assert not stuck[0.0].any()
+    # Steps of a thousandth hide that it goes on for 20 ms before and after.
+    assert stuck[0.2][rests].mean() > 0.7
+    assert stuck[0.2][~rests].mean() < 0.05

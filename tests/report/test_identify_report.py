@@ -17,9 +17,10 @@ from loopid.findings import SEVERITIES, Finding
 from loopid.identification import friction_curve, identify
 from loopid.identification.unseen import WHERE
 from loopid.plots import Chart, friction_chart
+from loopid.records import json_value
 from loopid.report import identification_report
 from loopid.report.identify import _card, identification_record
-from loopid.report.look import json_value, rounded
+from loopid.report.look import rounded
 from made_runs import modelled, quietly, wander, with_answers
 
 

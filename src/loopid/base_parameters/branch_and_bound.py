@@ -29,7 +29,7 @@ from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.blocks import Block, Budget, OutOfBudgetError
-from loopid.base_parameters.choice import UNIT_ROUND_OFF
+from loopid.numbers import UNIT_ROUND_OFF
 
 # The margin: a proven multiple of the unit round-off, and at least this.
 LEAST_MARGIN = 1e-12

@@ -12,20 +12,18 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import PositiveInt
 
-from loopid.arguments import FloatArray, IntArray, Number, Positive, of_user
+from loopid.arguments import FloatArray, IntArray, Number, Positive
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.rank import pivots
 from loopid.base_parameters.structure import Structure, base_columns, regrouping_matrix
 from loopid.errors import OptionError
+from loopid.numbers import SUM_ROUND_OFF, UNIT_ROUND_OFF
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
 # cond(V22), the paper's; and cond(W_B), the amplification of noise in the estimates.
 CRITERIA = ("nullspace", "regressor")
-# Columns of W up to this fraction of its norm are round-off, and no choice keeps them.
-ROUND_OFF_COLUMN = 1e-13
 UNCLEAR_RANK = "unclear rank"  # a reason why nothing is certified
-UNIT_ROUND_OFF = 2.0**-53
 # No certificate is given to a coarser one: digits that tie would then be digits that count.
 MOST_TOLERANCE = 1e-6
 CERTAIN = 1e-2  # relative error of a vector that is not zero
@@ -138,7 +136,7 @@ class ChoiceProblem:
         if self.criterion == "nullspace":
             return self.structure.null_basis
         columns = self.structure.row_factor.T / np.linalg.norm(self.structure.row_factor, 2)
-        columns[np.linalg.norm(columns, axis=1) <= ROUND_OFF_COLUMN] = 0.0
+        columns[np.linalg.norm(columns, axis=1) <= SUM_ROUND_OFF] = 0.0
         return np.asarray(columns, dtype=np.float64)
 
     def dependent(self, selections: IntArray) -> IntArray:
@@ -307,8 +305,7 @@ class SearchStrategy(ABC):
         start = thread_time()
         with one_blas_thread():
             if problem.dependent_count:
-                with of_user():
-                    result = self._search(problem)
+                result = self._search(problem)
             else:  # every parameter is a base parameter
                 result = self._result(problem, (), certified=True, gap=1.0, evaluated=1, ties=1)
         return replace(result, seconds=thread_time() - start)

@@ -34,7 +34,6 @@ from loopid.base_parameters.branch_and_bound import Leaves, margin, one_between,
 from loopid.base_parameters.choice import (
     MOST_TOLERANCE,
     NO_COLUMNS,
-    UNIT_ROUND_OFF,
     ChoiceProblem,
     Exclusion,
     Readability,
@@ -44,6 +43,7 @@ from loopid.base_parameters.choice import (
     most_readable,
     readabilities,
 )
+from loopid.numbers import UNIT_ROUND_OFF
 from loopid.records import record
 
 MORE_NODES = 4  # factor of the nodes of each rule at every further attempt

@@ -16,6 +16,7 @@ import scipy.linalg
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, Positive
 from loopid.errors import AccuracyWarning, OptionError, RankError, warn
+from loopid.numbers import ROUND_OFF
 from loopid.observation import Observation
 from loopid.parameters import KINDS
 from loopid.records import record
@@ -28,7 +29,6 @@ SPANNED = 1e-6  # of a column: what is farther from a span is not in it
 DIGITS = 6  # nor the order of combinations
 SHORT = 1e-2  # of the least combination that counts
 SLIGHT = 1e-3  # of the largest term: smaller ones are left out of doubtful combinations
-ROUND_OFF = 1e-14  # of the characteristic length: no number is more accurate after some operations
 
 
 # Part of itself, in the median, by which a singular value changes with other numbers that the file

@@ -22,6 +22,7 @@ from loopid.base_parameters.rank import (
     decomposed,
 )
 from loopid.errors import DataError
+from loopid.numbers import SOLVED_ROUND_OFF
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
 from loopid.records import record
@@ -29,7 +30,6 @@ from loopid.workers import one_blas_thread
 
 ZERO = 100.0  # times the round-off of null vectors: shorter rows are zero
 NOISE = 10.0  # times the error of a null vector's row: smaller coefficients are none
-ROUND_OFF = 1e-9  # that inversions leave of zeros, in a null space and in coefficients
 COARSE = 1e-6  # of the last value that counts, of columns of equal length: more is no round-off
 
 
@@ -85,7 +85,7 @@ class Structure:
     @property
     def precision(self) -> float:
         """Of null vectors: round-off, or what doubtful values leave of it."""
-        return _precision(self.rank_gap) if self.doubtful else ROUND_OFF
+        return _precision(self.rank_gap) if self.doubtful else SOLVED_ROUND_OFF
 
     @property
     def zero(self) -> FloatArray:
@@ -181,7 +181,7 @@ def _precision(gap: float) -> float:
 
     Where the gap is unclear, no part of a null vector is known to be noise: all of it is kept.
     """
-    return max(ROUND_OFF, 1 / gap) if gap >= CLEAR else ROUND_OFF
+    return max(SOLVED_ROUND_OFF, 1 / gap) if gap >= CLEAR else SOLVED_ROUND_OFF
 
 
 def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
@@ -195,7 +195,7 @@ def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
     if basis.ndim != 2:
         raise DataError(f"null_basis must have shape (n, d), not {basis.shape}", given=basis.shape)
     lengths = np.linalg.norm(basis, axis=1)
-    connected = np.abs(basis @ basis.T) > ROUND_OFF * np.outer(lengths, lengths)
+    connected = np.abs(basis @ basis.T) > SOLVED_ROUND_OFF * np.outer(lengths, lengths)
     np.fill_diagonal(connected, True)
     # Each column takes the first column that it is connected with, until all of a block agree.
     first, before = connected.argmax(axis=0), None
@@ -213,7 +213,7 @@ def base_columns(size: int, dependent: IntArray) -> IntArray:
 
 
 def regrouping_matrix(
-    null_basis: FloatArray, dependent: IntArray, zero: float | FloatArray = ROUND_OFF
+    null_basis: FloatArray, dependent: IntArray, zero: float | FloatArray = SOLVED_ROUND_OFF
 ) -> FloatArray:
     """Coefficients β = -V21 V22⁻¹ (n - d, d) of Φ_base = Φ_B + β Φ_D.
 

@@ -1,11 +1,13 @@
-"""What a shell completes: robots, joints, models and terms; all else it knows from the options."""
+"""What a shell completes: robots, joints, terms and words of options; all else it knows itself."""
 
 from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from glob import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +55,17 @@ def models(incomplete: str) -> list[str]:
     from loopid.parameters import MODELS
 
     return [name for name in (*MODELS, "auto") if name.startswith(incomplete)]
+
+
+def words_of(place: str) -> Callable[[str], list[str]]:
+    """What completes a word of a registry, or of all that is listed, at ``"module:name"``."""
+
+    def words(incomplete: str) -> list[str]:
+        module, _, name = place.partition(":")
+        known = getattr(import_module(f"loopid.{module}"), name)
+        return [word for word in known if word.startswith(incomplete)]
+
+    return words
 
 
 def terms(incomplete: str) -> list[str]:

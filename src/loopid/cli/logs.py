@@ -41,6 +41,9 @@ AUTOMATIC_TERMS = Option(
     help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG needs.",
     autocompletion=completion.terms,
 )
+SAVED = "Fit that 'loopid identify' saved, or its folder."
+FIT = Argument(..., metavar="FIT", help=SAVED)
+ESTIMATORS = completion.words_of("identification.estimator:ESTIMATORS")
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG to use, counted from 1.")
 
 
@@ -52,7 +55,9 @@ def identify(
     mapping: str | None = MAPPING,
     model: str = LOGGED_MODEL,
     terms: str = AUTOMATIC_TERMS,
-    estimator: str = Option("wls", help="wls, ols, bisquare or iv (with --reference)."),
+    estimator: str = Option(
+        "wls", help="wls, ols, bisquare or iv (with --reference).", autocompletion=ESTIMATORS
+    ),
     unidentifiable: str = Option(
         "prior", help="Unexcited parameters: keep the robot file's values (prior), or an error."
     ),
@@ -75,7 +80,7 @@ def identify(
     undo_delay: bool = Option(
         True, "--undo-delay/--keep-delay", help="Whether a clear delay of the forces is undone."
     ),
-    anyway: bool = Option(False, "--anyway", help="Save a fit that is absurd, too."),
+    anyway: bool = Option(False, "--anyway", help="Save a fit that is not fit for use, too."),
     n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes that compute the regressors."),
 ) -> None:
     """Identify parameters and friction from logs."""
@@ -135,7 +140,7 @@ def excite_command(
 @with_options(answer=answering)
 def predict(
     answer: Answer,
-    fit: str = Argument(..., metavar="FIT", help="Saved fit of 'loopid identify'."),
+    fit: str = FIT,
     logs: list[str] = LOGS,
     robot: str | None = Option(
         None, metavar="FILE", help="The fit's robot; by default where it was then."
@@ -148,10 +153,10 @@ def predict(
 ) -> None:
     """Predict the forces of logs with a saved fit."""
     from loopid.identification.log_mistakes import log_faults_by_log
-    from loopid.identification.result import load_fit
+    from loopid.identification.result import fit_file, load_fit
     from loopid.report.forces import prediction_report
 
-    answer.require(fit, mapping, *logs)
+    answer.require(fit_file(fit), mapping, *logs)
     saved = load_fit(fit, robot=robot)
     runs = recordings(saved.robot, logs, mapping, cutoff, rows)
     suspected = log_faults_by_log(saved.robot, runs, saved.require_model().joint_terms)
@@ -186,7 +191,7 @@ def payload(
     mapping: str | None = MAPPING,
     model: str = LOGGED_MODEL,
     terms: str = AUTOMATIC_TERMS,
-    estimator: str = Option("wls", help="wls, ols or bisquare."),
+    estimator: str = Option("wls", help="wls, ols or bisquare.", autocompletion=ESTIMATORS),
     cutoff: float | None = CUTOFF,
     rows: str | None = ROWS,
 ) -> None:
@@ -235,8 +240,8 @@ def _require_gains(
 
 
 def _vetoed(report: Report, suspected: Sequence[LogFaults]) -> Report:
-    """The report with mistakes in the logs as findings, and the first one as its verdict."""
-    found = tuple(each for one in suspected for each in one.mistakes)
+    """The report with what is suspected of the logs, and the first mistake as its verdict."""
+    found = tuple(each for one in suspected for each in one.findings)
     mistake = next((each for each in found if each.severity == "mistake"), None)
     return replace(
         report,
@@ -247,9 +252,7 @@ def _vetoed(report: Report, suspected: Sequence[LogFaults]) -> Report:
 
 def export(
     file: str = FILE,
-    fit: str = Argument(
-        ..., metavar="FIT", help="Saved fit: parameters.yaml of 'loopid identify'."
-    ),
+    fit: str = FIT,
     robot: str | None = Option(
         None,
         "--urdf",
@@ -272,7 +275,7 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.identification.result import load_fit
+    from loopid.identification.result import fit_file, load_fit
     from loopid.loading.files import own_files
     from loopid.report.look import json_text
 
@@ -280,7 +283,7 @@ def export(
         raise OptionError("nothing to export: give --urdf, --mjcf or --yaml FILE, or --c DIR")
     saved = load_fit(fit, robot=file)
     if yaml is not None:
-        require_other_file(yaml, fit, *own_files(saved.robot))
+        require_other_file(yaml, fit_file(fit), *own_files(saved.robot))
     written = _exported(saved, robot, yaml, c, name=name, overwrite=overwrite, anyway=anyway)
     places = [str(place) for place in written]
     if as_json:
@@ -321,16 +324,15 @@ def _exported(
 @with_options(answer=answering)
 def compare(
     answer: Answer,
-    runs: list[str] = Argument(
-        ..., metavar="RUN...", help="Folders of 'loopid identify --out', or saved fits."
-    ),
+    runs: list[str] = Argument(..., metavar="FIT...", help=f"{SAVED[:-1]}; two or more."),
 ) -> None:
     """Show which parameters of saved fits differ."""
+    from loopid.identification.result import fit_file
     from loopid.identification.saved import FitFile
     from loopid.report.compare import comparison_report
 
     answer.require(*runs)
-    files = [Path(run, "parameters.yaml") if Path(run).is_dir() else Path(run) for run in runs]
+    files = [fit_file(run) for run in runs]
     twice = next((run for k, run in enumerate(runs) if files[k] in files[:k]), None)
     if twice is not None:
         raise OptionError(f"{twice} is given twice: compare different fits", given=twice)

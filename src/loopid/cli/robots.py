@@ -101,7 +101,11 @@ def base(
     robot: Robot,
     answer: Answer,
     model: str = MODEL,
-    search: str = Option("exact", help="exact, subgroup or qr."),
+    search: str = Option(
+        "exact",
+        help="exact, subgroup or qr.",
+        autocompletion=completion.words_of("base_parameters.base:SEARCHES"),
+    ),
     alpha: float | None = Option(
         None, help="Subgroup search: group rising factor, above 0, at most 0.5; 0.25 by default."
     ),
@@ -112,7 +116,11 @@ def base(
         None, help="Subgroup search: gap, by default, or pseudocode, as printed in the paper."
     ),
     terms: str = GIVEN_TERMS,
-    criterion: str = Option("nullspace", help="nullspace (cond V22) or regressor (cond W_B)."),
+    criterion: str = Option(
+        "nullspace",
+        help="nullspace (cond V22) or regressor (cond W_B).",
+        autocompletion=completion.words_of("base_parameters.choice:CRITERIA"),
+    ),
     samples: int | None = Option(None, help="Number of random closed poses; enough by default."),
     seed: int = Option(0, help="Seed of the random poses."),
     time_limit: float | None = Option(
@@ -237,7 +245,11 @@ def excite(
     terms: str = Option(
         "none", help=f"{TERMS[:-1]}; auto: those of identify.", autocompletion=completion.terms
     ),
-    criterion: str = Option("D", help="What is optimised: D, A, E or condition."),
+    criterion: str = Option(
+        "D",
+        help="What is optimised: D, A, E or condition.",
+        autocompletion=completion.words_of("excitation.criteria:CRITERIA"),
+    ),
     shape: str = Option("fourier", help="fourier, or poses to stand in (gravity)."),
     size: int | None = Option(None, help="Number of harmonics or poses; enough by default."),
     duration: float | None = Option(
@@ -284,7 +296,11 @@ def excite(
         None, help="Seconds of search, at most; the best motion so far is kept."
     ),
     seed: int = Option(0, help="Seed of the random motions."),
-    solver: str | None = Option(None, help="ipopt, where it is installed, or slsqp."),
+    solver: str | None = Option(
+        None,
+        help="ipopt, where it is installed, or slsqp.",
+        autocompletion=completion.words_of("excitation.problem:SOLVERS"),
+    ),
 ) -> None:
     """Design a motion that excites the parameters.
 
@@ -397,7 +413,14 @@ Fill in {robot} and {mapping}. Then:
   loopid identify {robot} {log} --mapping {mapping} --out found"""
 
 
-def schema(kind: str = Argument(..., metavar="KIND", help="robot, mapping or motions.")) -> None:
+def schema(
+    kind: str = Argument(
+        ...,
+        metavar="KIND",
+        help="robot, mapping or motions.",
+        autocompletion=completion.words_of("export.first_files:FORMS"),
+    ),
+) -> None:
     """Print the JSON schema of a YAML, by which editors complete keys and mark mistakes."""
     from loopid.export.first_files import file_schema
 

@@ -20,7 +20,7 @@ import typer
 from typer.core import TyperCommand
 
 from loopid.cli.advice import in_options
-from loopid.errors import LoopidError, counted, one_line
+from loopid.errors import LoopidError, OptionError, counted, one_line
 from loopid.files import require_folder, require_other_file, write_files
 
 if TYPE_CHECKING:
@@ -196,6 +196,8 @@ def answering(
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of text."),
 ) -> Any:
     """How the user wants to see what is found (``Answer``)."""
+    if figures and out is None:
+        raise OptionError("--figures are written to a folder: give --out DIR, too")
     return Answer(context, out, as_json, verbose, figures)
 
 

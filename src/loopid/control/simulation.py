@@ -18,15 +18,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import (
-    FloatArray,
-    Number,
-    Positive,
-    checked,
-    of_user,
-    random_generator,
-    samples,
-)
+from loopid.arguments import FloatArray, Number, Positive, checked, random_generator, samples
 from loopid.control.laws import Law, Reference, Signals
 from loopid.errors import OptionError
 from loopid.motion.simulation import Noise
@@ -211,9 +203,8 @@ class ControlLoop:
             wanted.append(samples(each, self.robot.dof, name, count))
         for k in range(count):
             self.signals = self._sensed()
-            with of_user():
-                goal = Reference(*(each[k] for each in wanted))
-                force = self.controller.force(self.signals, goal)
+            goal = Reference(*(each[k] for each in wanted))
+            force = self.controller.force(self.signals, goal)
             at_sample(k, self)
             book.append((self.position, wanted[0][k] - self.position, force))
             self._waiting.append(force)

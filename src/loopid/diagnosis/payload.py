@@ -41,8 +41,8 @@ from loopid.records import record
 from loopid.robot.robot import Robot
 
 PAYLOAD = "payload"
-# Relative error of a mass by a motor that is but round-off.
-ROUND_OFF = 1e-6
+# Least relative error of a mass by a motor.
+EXACT = 1e-6
 # Degrees of freedom of what motors disagree by, at least: of two motors an interval of one degree
 # would say nothing.
 LEAST_KNOWN = 2
@@ -385,7 +385,7 @@ def _by_motor(
     known = np.full(len(runs.kinds), np.nan)
     known[runs.kinds.index("m")] = mass
     found = motor_scales(runs, known, estimator)
-    least = ROUND_OFF**2 * np.eye(len(found.values))
+    least = EXACT**2 * np.eye(len(found.values))
     numbers = mass * found.values, mass**2 * (found.covariance + least), found.degrees_of_freedom
     return MotorMasses(found.actuators, *numbers, found.undetermined)
 

@@ -22,6 +22,7 @@ from loopid.identification.force_models import ForceModel
 from loopid.identification.information import Excitation, excited_samples
 from loopid.identification.problem import FitSamples
 from loopid.logs.recording import Recording
+from loopid.numbers import UNIT_ROUND_OFF
 from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.registry import Registry
@@ -33,7 +34,7 @@ Criterion: TypeAlias = Callable[[FloatArray], tuple[float, FloatArray]]
 # slope where two of them meet.
 SHARPNESS = 24.0
 # Eigenvalues below this part of the largest are round-off of M; so are columns of K below it.
-ROUND_OFF = 1e-15
+LEAST = 8 * UNIT_ROUND_OFF
 # Relative singular values of a payload's columns that count as zero.
 DEPENDENT = 1e-9
 
@@ -41,13 +42,13 @@ DEPENDENT = 1e-9
 def spectrum(M: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues (n,), ascending and positive, and eigenvectors (n, n) as columns."""
     values, vectors = np.linalg.eigh((M + M.T) / 2)
-    return np.maximum(values, ROUND_OFF * max(float(values[-1]), 1e-300)), vectors
+    return np.maximum(values, LEAST * max(float(values[-1]), 1e-300)), vectors
 
 
 def sizes(M: FloatArray) -> FloatArray:
     """Lengths (n,) of the columns of K that are more than round-off of the longest."""
     squares = np.diag(M)
-    return np.asarray(np.sqrt(np.maximum(squares, max(ROUND_OFF**2 * squares.max(), 1e-300))))
+    return np.asarray(np.sqrt(np.maximum(squares, max(LEAST**2 * squares.max(), 1e-300))))
 
 
 def determinant(M: FloatArray) -> tuple[float, FloatArray]:

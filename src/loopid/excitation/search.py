@@ -25,11 +25,11 @@ from loopid.kinematics.assembly import AssemblyOptions, largest_opening, try_ass
 from loopid.kinematics.constraint import largest_residual
 from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.projection import closed_motion, singularity_measure
+from loopid.numbers import SOLVED_ROUND_OFF
 from loopid.records import record
 
-# The grid of the check is so much finer; this part of a bound's scale is round-off, and speeds and
-# accelerations up to this are rest.
-FINER, ROUND_OFF, REST = 10, 1e-9, 1e-6
+# The grid of the check is so much finer; speeds and accelerations up to this are rest.
+FINER, REST = 10, 1e-6
 # How many of the best random poses are improved, how often, and how: by some steps from each, of a
 # part of the workspace that gets smaller.
 BEST, ROUNDS, TRIED, FIRST_PART, SMALLER = 8, 14, 4, 0.3, 0.75
@@ -99,7 +99,7 @@ def check_motion(problem: Problem, X: FloatArray) -> tuple[Check, ...]:
     def check(name: str, unit: str, times: FloatArray, values: FloatArray, *keep: float) -> None:
         lower, upper, scale = keep
         slack = np.minimum(values - lower, upper - values)
-        broken, nearest = int((slack < -ROUND_OFF * scale).sum()), times[int(slack.argmin())]
+        broken, nearest = int((slack < -SOLVED_ROUND_OFF * scale).sum()), times[int(slack.argmin())]
         span = float(values.min()), float(values.max())
         checks.append(Check(name, unit, *span, lower, upper, float(nearest), broken))
 

@@ -41,6 +41,8 @@ SAME = 1e-13
 READ_BACK = 1e-12
 # Radians, or lengths of the robot, away from which no spring rests: its force is a constant one.
 FAR = 1e3
+# Options of ``load`` that a YAML keeps, and those that only a call has.
+KEPT, ASKED = ("rounding", "floating_base"), ("lock", "free_mimics")
 # What is not written where the other half of its force has no place: by kind, the other halves.
 HALVES = {"Ks": ("Ks2", "Ks3", "Ks@"), "Fc": ("Fc+", "Fc-")}
 Terms = dict[str, dict[str, float]]  # by coordinate and kind
@@ -120,6 +122,11 @@ def export_robot_file(
     -------
     Path
         What to load: the YAML where there is one.
+
+    Warns
+    -----
+    ModelWarning
+        Of options of ``load``, such as locked joints, that the file is to be loaded with again.
     """
     place, files = Path(path), files_of(robot)
     tree, texts = files.tree, dict[str, bytes | str]()
@@ -144,6 +151,15 @@ def export_robot_file(
     texts[place.name] = updated_robot_file(
         robot, standard_parameters, parameters=parameters, use=use, name=place.name
     )
+    # What has no place in these files; all else of ``load`` is in them.
+    asked = {name: robot.options.get(name) for name in (*({} if given else KEPT), *ASKED)}
+    if some := {name: value for name, value in asked.items() if value}:
+        words = (f"{name}={list(x) if isinstance(x, tuple) else x}" for name, x in some.items())
+        warn(
+            f"{next(iter(texts))} is this robot only where it is loaded as it was, with "
+            f"{', '.join(words)}",
+            ModelWarning,
+        )
     return place.with_name(next(iter(write_files(place.parent, texts))).name)
 
 
@@ -162,7 +178,7 @@ def _given_in_python(robot: Robot, files: RobotFiles, tree: str) -> str:
     more = [options.get(name) for name in ("closures", "motors", "reference")]
     if not any(more):
         return ""
-    kept = {name: options[name] for name in ("rounding", "floating_base") if options.get(name)}
+    kept = {name: options[name] for name in KEPT if options.get(name)}
     named = {"mjcf" if files.given.mjcf else "urdf": tree, **kept}
     closures, motors, reference = more
     given = with_more(files.given, closures or (), motors, reference).model_copy(update=named)

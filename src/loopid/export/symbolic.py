@@ -22,6 +22,7 @@ from loopid.errors import OptionError
 from loopid.export.elimination import eliminate, solve
 from loopid.identification.force_models import ForceModel
 from loopid.kinematics.projection import partition
+from loopid.numbers import ROUND_OFF
 from loopid.parameters import KINDS, Parameter
 from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.joint_terms import JointTerms
@@ -30,7 +31,6 @@ from loopid.robot.closures import SymbolicPose
 # Rate over which the sign of a rate is smooth in C, in rad/s or characteristic lengths a second:
 # far below any that a log shows, and no jump for a controller.
 SMOOTH = 5e-4
-ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 
 
 class SymbolicRobot:

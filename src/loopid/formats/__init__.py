@@ -1,6 +1,5 @@
 """Formats of robots and of logs beyond the core, one a file, found through registries."""
 
-from loopid import loading as loading  # whose formats are registered before
 from loopid.registry import editable_files, log_formats, robot_formats, urdf_dialects
 
 # The last one registered is first to say whether it reads a path: any folder may be one of tables.

@@ -6,10 +6,10 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked, shaped
 from loopid.identification.correlation import means_of_series
-from loopid.identification.problem import ROUND_OFF, FitSamples
+from loopid.identification.problem import FitSamples
 from loopid.identification.quality import Quality
 from loopid.identification.result import Fit
-from loopid.numbers import root
+from loopid.numbers import FIT_ROUND_OFF, root
 from loopid.records import record
 
 # Segments of time whose errors count as independent of each other: few, hence long, as errors
@@ -185,7 +185,7 @@ def error_ratio(
         (dof,), of each; NaN without samples.
     """
     problem, rows = samples.problem, np.arange(len(samples))
-    least = np.maximum(samples.least_errors, ROUND_OFF * problem.force_rms) ** 2
+    least = np.maximum(samples.least_errors, FIT_ROUND_OFF * problem.force_rms) ** 2
     batches = np.array_split(rows, min(BATCHES, len(rows)))
 
     def sums(predicted: FloatArray) -> FloatArray:

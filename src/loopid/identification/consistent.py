@@ -63,6 +63,7 @@ from loopid.identification.quality import (
 )
 from loopid.identification.result import Fit, with_errors
 from loopid.inertia import body_defect, nearest_solid, parameters_of, pseudo_inertia, upper_factor
+from loopid.numbers import SUM_ROUND_OFF
 from loopid.observation import updated_factor
 from loopid.parameters import KINDS
 from loopid.workers import one_blas_thread
@@ -559,9 +560,8 @@ class _Program:
 
 
 # Part of the decrease that the slope promises which a step must reach; how far it goes to where a
-# body is flat; round-off of what is minimised; least part of a step; how much more data weigh from
-# one approach to the next.
-ARMIJO, INSIDE, ROUND_OFF, SHORTEST, HEAVIER = 1e-4, 0.95, 1e-13, 1e-12, 10.0
+# body is flat; least part of a step; how much more data weigh from one approach to the next.
+ARMIJO, INSIDE, SHORTEST, HEAVIER = 1e-4, 0.95, 1e-12, 10.0
 # First deviation of a group relative to its largest; largest growth of its steps; iterations of
 # non-negative least squares for each limit.
 FIRST, FASTEST, NNLS_STEPS = 0.1, 8.0, 30
@@ -587,18 +587,18 @@ def _minimised(program: _Program, state: _State, near: float = 0.0) -> tuple[_St
         step = program.step(state)
         z = step.solution(*program.limits(state))
         decrement = -float(step.gradient @ z)
-        if decrement <= TOLERANCE + ROUND_OFF * abs(value):
+        if decrement <= TOLERANCE + SUM_ROUND_OFF * abs(value):
             return replace(state, settled=True), step
         shrinks = -np.linalg.eigvalsh(program.turns(state, z)).min(initial=0.0)
         part = min(1.0, INSIDE / shrinks) if shrinks > 0 else 1.0
         tried = program.moved(state, part * z)
-        while program.value(tried) > value - ARMIJO * part * decrement + ROUND_OFF * abs(value):
+        while program.value(tried) > value - ARMIJO * part * decrement + SUM_ROUND_OFF * abs(value):
             part /= 2
             if part < SHORTEST:
                 return replace(state, settled=True), step  # as near as round-off lets it be
             tried = program.moved(state, part * z)
         before, state, value = value, tried, program.value(tried)
-        if before - value <= ROUND_OFF * abs(value) or decrement <= near:
+        if before - value <= SUM_ROUND_OFF * abs(value) or decrement <= near:
             return replace(state, settled=True), step
     return replace(state, settled=False), step
 

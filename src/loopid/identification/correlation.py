@@ -21,9 +21,10 @@ from scipy.linalg.lapack import dtbtrs
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.estimator import WorkingFit
-from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
+from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.quality import NoiseModel
 from loopid.motion.filtering import fast_length
+from loopid.numbers import FIT_ROUND_OFF
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -317,7 +318,7 @@ def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]
     result, samples, problem, models = fit.result, fit.samples, fit.samples.problem, {}
     residual, squares = samples.residual(result.values), problem.residual_squares(result.values)
     # Round-off of an exact fit is autocorrelated too, but is no error.
-    exact = squares <= ROUND_OFF**2 * problem.force_squares()
+    exact = squares <= FIT_ROUND_OFF**2 * problem.force_squares()
     for i in map(int, np.flatnonzero(problem.samples)):
         weight = float(result.weights[i])
         models[i] = ErrorModel(
@@ -365,7 +366,7 @@ class ErrorModel:
         least: float = 0.0,
     ) -> None:
         shares, turn = np.linalg.eigh(columns.T @ columns)
-        self._turn = turn[:, (shares > ROUND_OFF) | (shares == shares[-1])]
+        self._turn = turn[:, (shares > FIT_ROUND_OFF) | (shares == shares[-1])]
         self._observed = burg_covariances(residual, run_lengths(used, pieces))
         self._observed[0] = max(self._observed[0], least**2)
         # Zeros on both sides of each piece: samples k apart are of one piece, or one is zero.

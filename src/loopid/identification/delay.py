@@ -370,19 +370,29 @@ def with_delay_errors(
     data : FitSamples
         What was fitted, of these recordings.
     """
-    noise, exact = fit.noise, [one.log is None for one in recordings]
-    if delay is None or noise is None or all(exact):
+    noise, late = fit.noise, delay_forces(data, fit.values, recordings, delay)
+    if noise is None or not late.shape[2]:
         return fit
-    rates = _rates(data, data.predicted(fit.values), [one.motion.time for one in recordings])
     counts = np.maximum(noise.samples, 1) * np.where(noise.deviation > 0, noise.deviation, 1.0) ** 2
     weights = data.used * np.nan_to_num(noise.effective_samples / counts)
-    moved = np.einsum("tik,ti->ik", data.regressor, weights * rates)
-    moved = (
-        fit.covariance
-        @ (moved.sum(axis=0)[:, None] if len(delay.left) == 1 else moved.T)
-        * delay.left
-    )
+    weighed = weights[:, :, None] * late
+    moved = fit.covariance @ np.einsum("tij,tik->jk", data.regressor, weighed, optimize=True)
     return replace(fit, covariance=fit.covariance + moved @ moved.T)
+
+
+def delay_forces(
+    data: FitSamples, values: FloatArray, recordings: Sequence[Recording], delay: Delay | None
+) -> FloatArray:
+    """Forces (N, dof, k) that a standard deviation of each delay left in a log makes.
+
+    None (k = 0) where no delay was looked for, or motions are exact.
+    """
+    if delay is None or all(one.log is None for one in recordings):
+        return np.zeros((*data.force.shape, 0))
+    rates = _rates(data, data.predicted(values), [one.motion.time for one in recordings])
+    if len(delay.left) == 1:
+        return np.asarray(rates[:, :, None] * delay.left)
+    return np.asarray(rates[:, :, None] * np.diag(delay.left))
 
 
 def _rates(samples: FitSamples, force: FloatArray, times: Sequence[FloatArray]) -> FloatArray:
@@ -444,8 +454,7 @@ def directions(recording: Recording) -> FloatArray:
     history, sign = recording.history, np.sign(recording.motion.velocities)
     for j, name in enumerate(recording.actuators):
         if history is not None and name in history.joints:
-            rate = history.velocity[:, history.joints.index(name)]
-            sign[:, j] = history.lowpassed(np.sign(rate))
+            sign[:, j] = history.lowpassed(history.directions(name))
     return np.asarray(sign, dtype=np.float64)
 
 

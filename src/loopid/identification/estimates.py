@@ -114,6 +114,7 @@ class Estimates(Tabular):
     mistakes: tuple[str, ...] = ()
     unseen_rms: FloatArray | None = None
     broken: tuple[str, ...] = ()
+    unexplained: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         shape, freedoms = self.values.shape, self.degrees_of_freedom.shape

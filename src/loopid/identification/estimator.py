@@ -19,11 +19,12 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.linalg.lapack import dtrtri
 
-from loopid.arguments import BoolArray, FloatArray, of_user
+from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import DataError, OptionError, RankError, counted
-from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
+from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.quality import fit_quality
 from loopid.identification.result import Fit
+from loopid.numbers import FIT_ROUND_OFF, SUM_ROUND_OFF
 from loopid.records import record
 from loopid.registry import Registry
 from loopid.workers import one_blas_thread
@@ -104,7 +105,7 @@ class Estimator:
             When the data do not excite a combination of parameters.
         """
         require_rows(problem)
-        with one_blas_thread(), of_user():
+        with one_blas_thread():
             return self._fit(problem)
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
@@ -148,14 +149,11 @@ def require_rows(problem: FitProblem) -> None:
 
 # Smallest over largest singular value, of columns scaled to unit length, that data must excite.
 LEAST_EXCITATION = 1e-8
-# Part of the longest column below which a column is round-off, as of a symmetric motion: units and
-# sizes of robots part columns by far less.
-ROUND_OFF_COLUMN = 1e-13
 # Part in the unidentifiable directions, relative to the largest, above which a parameter is named.
 INVOLVED = 0.1
 # Weights have converged that change by less than this part, or than round-off of the forces: all
 # that is known of errors that are as small. Iterations to them at most.
-CONVERGED, WEIGHT_ROUND_OFF, ITERATIONS = 1e-10, 1e-13, 500
+CONVERGED, ITERATIONS = 1e-10, 500
 
 
 def solved(
@@ -228,9 +226,9 @@ def inverse_deviations(problem: FitProblem, squares: FloatArray, freedom: FloatA
     ones, or the round-off of the forces: noise-free data have finite weights. Actuators without
     samples have weight 0.
     """
-    present, left = problem.samples > 0, freedom > ROUND_OFF * problem.samples
+    present, left = problem.samples > 0, freedom > FIT_ROUND_OFF * problem.samples
     variances = np.divide(squares, freedom, out=np.zeros(len(squares)), where=left)
-    least = np.maximum(problem.least_errors, ROUND_OFF * problem.force_rms)
+    least = np.maximum(problem.least_errors, FIT_ROUND_OFF * problem.force_rms)
     deviations = np.sqrt(np.maximum(variances, least**2))
     undefined = present & ((deviations == 0) | (~left & (problem.least_errors == 0)))
     if undefined.any():
@@ -257,7 +255,7 @@ def converged_weights(
         last, squares = weights, problem.residual_squares(values)
         weights = inverse_deviations(problem, squares, problem.samples - leverage)
         change = np.abs(weights[present] / last[present] - 1.0).max(initial=0.0)
-        if change <= max(CONVERGED, WEIGHT_ROUND_OFF * (weights * force).max()):
+        if change <= max(CONVERGED, SUM_ROUND_OFF * (weights * force).max()):
             return weights
     raise DataError(
         f"the weights do not converge in {ITERATIONS} iterations: use ols", iterations=ITERATIONS
@@ -349,9 +347,12 @@ def excited_combinations(samples: FitSamples, least: float = LEAST_EXCITATION) -
 
 
 def _silent(R: FloatArray) -> BoolArray:
-    """Columns (n,) of R (r, n) that are zero, or round-off."""
+    """Columns (n,) of R (r, n) that are zero, or round-off, as of a symmetric motion.
+
+    Units and sizes of robots part columns by far less.
+    """
     norms = np.linalg.norm(R, axis=0)
-    return np.asarray(norms <= ROUND_OFF_COLUMN * norms.max(initial=0.0))
+    return np.asarray(norms <= SUM_ROUND_OFF * norms.max(initial=0.0))
 
 
 @record

@@ -253,7 +253,7 @@ class Evidence:
         if any(key != _pose(self.recorded)[:3] for key in new):
             found = try_assemble(self.robot, position, options=CLOSELY)
             q = np.where(found.assembled[:, None], found.configurations, self.robot.reference)
-            regular = singularity_measure(self.robot, q) >= MaskOptions().singularity_threshold
+            regular = singularity_measure(self.robot, q) >= MaskOptions().least(self.robot)
             q[~regular], closed = self.robot.reference, found.assembled & regular
         along = *self._along(self._regressors(q, moved)), closed
         parts = (np.split(one, len(new)) for one in along)

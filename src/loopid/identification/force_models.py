@@ -16,11 +16,12 @@ from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.identification.leaving_out import regions_of
-from loopid.identification.problem import ROUND_OFF, FitSamples
+from loopid.identification.problem import FitSamples
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording, require_robot
 from loopid.motion.joints import JointMotion
+from loopid.numbers import FIT_ROUND_OFF
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.progress import Progress
 from loopid.records import record
@@ -35,7 +36,7 @@ from loopid.regressors.joint_terms import (
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.regressors.structural import structural_observation
-from loopid.robot.robot import Robot
+from loopid.robot.robot import Robot, position_of
 from loopid.workers import ordered_map
 
 # Joint terms by default: those below, and friction curves and load friction where data ask for it.
@@ -353,11 +354,12 @@ class ForceModel:
         ------
         DataError
             When the recording has none, as where a filter leaves nothing of it, or is of another
-            robot.
+            robot; when a joint with a spring makes turns that its configurations do not count.
         """
         require_robot(recording, self.robot)
         if not len(recording.motion.time):
             raise DataError(f"{recording.name} has no samples")
+        self._require_turns(recording)
         W = self._with_filtered_steps(self.regressor(recording.motion, n_jobs), recording)
         used, least = recording.used, None
         free = np.isin(recording.actuators, self.robot.free)
@@ -365,7 +367,7 @@ class ForceModel:
             largest = np.abs(W).max(axis=(0, 2))
             squares = ((W * self.prior) ** 2).sum(axis=(0, 2))
             # No mass takes part in a row that is round-off.
-            used = used & ~(free & (largest <= ROUND_OFF * largest.max(initial=0.0)))
+            used = used & ~(free & (largest <= FIT_ROUND_OFF * largest.max(initial=0.0)))
             least = np.where(free, LEAST_ERROR * np.sqrt(squares / len(W)), 0.0)
         return FitSamples.of(
             self.parameters,
@@ -376,6 +378,24 @@ class ForceModel:
             segments=recording.segments,
             least_errors=least,
         )
+
+    def _require_turns(self, recording: Recording) -> None:
+        """Refuse springs of continuous joints that turn past the end of their angles."""
+        for name, kinds in (self.joint_terms or JointTerms(())).of_joints.items():
+            springs = [kind for kind in kinds if "position" in joint_term(kind).needs]
+            joint = self.robot.joint(name) if springs and name in self.robot.joints else None
+            if joint is None or joint.nq == joint.nv:
+                continue
+            angle = position_of(joint, recording.motion.configurations)
+            past = np.abs(np.diff(angle)) > np.pi
+            if past.any():
+                time = recording.motion.time[1:][past][0]
+                raise DataError(
+                    f"{recording.name}: {name} turns past ±π at {time:.2f} s, where its "
+                    f"{springs[0]} jumps: a continuous joint counts no turns, so make it revolute "
+                    "with limits in the robot file, or leave the term out",
+                    joint=name,
+                )
 
     def _with_filtered_steps(self, W: FloatArray, recording: Recording) -> FloatArray:
         """The regressor (N, dof, n) with friction that jumps filtered as the forces are.
@@ -406,7 +426,7 @@ class ForceModel:
                 state = state._replace(torque=size)
             for k in own:
                 law = joint_term(self.parameters[columns[k]].kind)
-                signals[:, k] = law.signal(state, len(signals))
+                signals[:, k] = history.bridged(joint, law.signal(state, len(signals)))
         if set(links) <= set(robot.independent):
             own = [robot.independent.index(link) for link in links]
             shares = np.eye(len(robot.independent))[None, own]

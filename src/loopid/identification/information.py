@@ -238,9 +238,9 @@ def determined_values(
 
 # Standard error, in sizes by the robot file, above which a combination is weakly identifiable.
 WEAK = 1.0
-# Coefficients below this part of the largest, in sizes, are round-off in an unidentifiable
+# Coefficients below this part of the largest, in sizes, are none in an unidentifiable
 # combination, or not worth naming in a weak one, of which at most this many terms are named.
-ROUND_OFF, MINOR, MOST_TERMS = 1e-6, 0.1, 4
+NEGLIGIBLE, MINOR, MOST_TERMS = 1e-6, 0.1, 4
 # Combinations that a message names.
 NAMED = 3
 
@@ -451,7 +451,7 @@ def _unidentifiable(excitation: Excitation) -> Iterator[Change]:
     held, sizes = excitation.held, excitation.sizes
     basis = excitation.unidentifiable / sizes[:, None]
     basis = basis @ np.linalg.inv(basis[held])
-    basis[np.abs(basis) < ROUND_OFF * np.abs(basis).max(axis=0, initial=0.0)] = 0.0
+    basis[np.abs(basis) < NEGLIGIBLE * np.abs(basis).max(axis=0, initial=0.0)] = 0.0
     for column, lead in zip(basis.T, held.tolist(), strict=True):
         change = column * sizes
         change = change / np.linalg.norm(np.linalg.solve(excitation.factor, change))

@@ -15,12 +15,12 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.problem import FitSamples
 from loopid.logs.recording import REACH, Recording
+from loopid.numbers import SOLVED_ROUND_OFF
 from loopid.records import record
 
 FOLDS = 5  # segments: each fit has four fifths of the data
 REGIONS, ROWS = 16, 10  # of states, at most, and samples of each at least
 DIGITS = 6  # of states in their deviations, that separate them
-ROUND_OFF = 1e-9  # of the widest coordinate: others do not move
 SAME = 0.05  # of the deviations of states: such ones are the same
 
 
@@ -96,7 +96,7 @@ def _states(recordings: Sequence[Recording]) -> FloatArray:
     motions = [run.motion for run in recordings]
     states = np.concatenate([np.hstack([m.configurations, m.velocities]) for m in motions])
     spread = states.std(axis=0)
-    moving = spread > ROUND_OFF * spread.max(initial=0.0)
+    moving = spread > SOLVED_ROUND_OFF * spread.max(initial=0.0)
     return np.asarray(states[:, moving] / spread[moving])
 
 

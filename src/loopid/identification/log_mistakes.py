@@ -7,7 +7,8 @@ axis may be a factor off. One is found that raises the evidence of the data clea
 (``evidence.py``), and more than any force that the robot file lacks. After it the file must explain
 the shape of the forces. It is undone before the next is looked for. Wrong bodies alone do not look
 like a mistake of one motor: all motors carry them. Forces that are seconds late are found first
-(``log_timing.py``).
+(``log_timing.py``). Where a log passes singular poses, nothing is looked for: forces that grow
+without bound there spoil those beside them once they are filtered.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from loopid.identification.evidence import Evidence, Explanation, Undone
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, ZERO_OFF, Motors, called
-from loopid.logs.preparing import in_motion_band
+from loopid.logs.preparing import NEAR_SINGULAR, in_motion_band
 from loopid.logs.recording import Recording
 from loopid.numbers import NORMAL_95, number
 from loopid.records import record
@@ -42,8 +43,8 @@ CLOSELY = 6  # mistakes of positions that are looked at closely
 ROUNDS = 3  # mistakes one after the other
 # Part of the forces, less friction, that may be left of a motor once its mistake is undone: a robot
 # file that explains no shape shows no mistake. Less of a factor that nobody has a cause for: a
-# missing force has any.
-SHAPE, FACTOR_SHAPE = 0.4, 0.15
+# missing force has any, but none takes all of a force away but for a tenth of the same shape.
+SHAPE, FACTOR_SHAPE, SMALL_SHAPE, SMALL = 0.4, 0.15, 0.6, 0.1
 # Half of the 95 % interval at most, as a part of the size: a size that is not known is none. Errors
 # of motors that were exchanged, over those before, at most.
 KNOWN, BETTER = 0.5, 0.8
@@ -53,6 +54,9 @@ BY_HAND = Finding(
     "its forces have neither inertia nor friction of a motor, as of motors that carry weight alone",
     "record a motion that its motors make",
 )
+# A pose is near a singularity from this part of the median measure of a log on; forces there count
+# where they are this many times as large as elsewhere.
+NEAR, AMPLIFIED = 0.1, 3.0
 MATTERS = 0.1  # of what bodies may be off, that a zero must move them by to be worth a sentence
 
 
@@ -87,12 +91,20 @@ class LogFaults:
         The likeliest first: which motors, how sure, and how to undo it.
     hidden : Finding or None
         Mistakes that the log would not show: forces are explained about as well with them.
+    singular : Finding or None
+        Singular poses that the log passes: no mistakes are looked for in it.
     """
 
     recording: str
     gains: tuple[MotorGain, ...] = ()
     mistakes: tuple[Finding, ...] = ()
     hidden: Finding | None = None
+    singular: Finding | None = None
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What to know before any figure counts."""
+        return (*self.mistakes, *(() if self.singular is None else (self.singular,)))
 
 
 @checked
@@ -127,6 +139,8 @@ def log_faults(
     log = recordings[0].log
     held = () if log is None else tuple(held_values(log))
     nothing = LogFaults(recordings[0].name, (), held)
+    if (singular := singular_poses(recordings)) is not None:
+        return replace(nothing, singular=singular)
     if robot.free or not robot.standard_parameters("full").any():
         return nothing  # positions that were not measured, or nothing to compare with
     with one_blas_thread():
@@ -145,6 +159,37 @@ def log_faults(
     known = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
     hidden = None if mistakes else _hidden(model, found)
     return LogFaults(recordings[0].name, known, (*mistakes, *held), hidden)
+
+
+def singular_poses(recordings: Sequence[Recording]) -> Finding | None:
+    """Singular poses that parts of a log pass, with forces that are much larger than elsewhere.
+
+    Or that are left out: filtered forces beside them are spoilt as well.
+    """
+    measure = np.concatenate([run.motion.singularity for run in recordings])
+    time = np.concatenate([run.motion.time for run in recordings])
+    threshold = NEAR * float(np.median(measure))
+    near, worst = measure < threshold, int(measure.argmin())
+    lost = [one for run in recordings for one in run.dropped if one.reason == NEAR_SINGULAR]
+    squares = np.concatenate([np.where(run.used, run.force, 0.0) ** 2 for run in recordings])
+    larger = False
+    if near.any() and not near.all():
+        beside = AMPLIFIED**2 * squares[~near].mean(axis=0)
+        larger = bool((squares[near].mean(axis=0) > beside).any())
+    if not (larger or lost):
+        return None
+    why = f"the singularity measure falls to {measure[worst]:.2g} at {time[worst]:.2f} s"
+    if larger:
+        why += (
+            f", below {threshold:.2g}, a tenth of its median, where forces are over {AMPLIFIED:g} "
+            "times as large as elsewhere"
+        )
+    return Finding(
+        "warning",
+        "the motion passes singular poses",
+        f"{why}; {lost[0]} were left out" if lost else why,
+        "record a motion that keeps away from these poses, as loopid excite designs",
+    )
 
 
 def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]:
@@ -208,7 +253,22 @@ class _Find(NamedTuple):
         known = reach <= KNOWN * abs(size)
         # Of a time axis that is too short, missing inertia shows how much at least.
         known |= self.kind == "factor" and size + reach < 1
-        return known and not usual
+        return (known or self.small) and not usual
+
+    @property
+    def small(self) -> bool:
+        """Whether forces of a motor are a small part of what is expected, however small."""
+        return KINDS[self.kind].fields == ("gain",) and 0 < abs(self.size) + self.reach < SMALL
+
+    @property
+    def shape(self) -> float:
+        """The part of the shape of its forces that may be left at most."""
+        kind = KINDS[self.kind]
+        if self.small:
+            return SMALL_SHAPE
+        # Of a gain, no missing force looks alike where people have a cause for its size.
+        caused = kind.fields != ("gain",) or kind.cause(self.size, self.reach) is not None
+        return SHAPE if caused else FACTOR_SHAPE
 
     def mended(self, undone: Undone) -> Undone:
         """With the mistake undone, too, as it is advised: exactly by a cause."""
@@ -343,9 +403,8 @@ def _clear(
     clear = list[_Find]()
     for find in finds:
         again = any((find.kind, find.motors) == (one.kind, one.motors) for one in undone)
-        shape = SHAPE if _caused(find) else FACTOR_SHAPE
         worth = find.worth(found)
-        worth &= model.explains(find.after, find.motors, shape, whole=find.kind == "sign")
+        worth &= model.explains(find.after, find.motors, find.shape, whole=find.kind == "sign")
         if worth and not again and find.evidence - found.evidence >= EVIDENCE:
             clear.append(find)
     if not clear:
@@ -433,12 +492,6 @@ def _turned(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> Find
         f"as where a base hangs, or is on a wall (evidence e^{turned - usual:.0f})",
         f"write gravity: {given} into a YAML that names the robot file as its urdf",
     )
-
-
-def _caused(find: _Find) -> bool:
-    """Whether no missing force looks alike: of a gain, whether people have a cause for its size."""
-    kind = KINDS[find.kind]
-    return kind.fields != ("gain",) or kind.cause(find.size, find.reach) is not None
 
 
 def _finding(model: Evidence, clear: Sequence[_Find], found: Explanation) -> Finding:

@@ -32,6 +32,7 @@ from loopid.identification.correlation import (
     run_lengths,
     within_runs,
 )
+from loopid.identification.delay import Delay, delay_forces
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_models import ForceModel
 from loopid.identification.jackknife import Jackknife
@@ -248,15 +249,20 @@ def _coupling(other: str) -> _Law:
 
 
 def missing_forces(
-    fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording]
+    fit: WorkingFit,
+    force_model: ForceModel,
+    recordings: Sequence[Recording],
+    delay: Delay | None = None,
 ) -> tuple[MissingForce, ...]:
     """What each motor shows beside a fit of recordings: the likeliest force that is clear, if any.
 
     Where none is, a spring that is likely, or would not show. Or lengths of the robot file that are
     off, where that is likelier than any force. The fit is of all parameters of the force model.
+    What is left of the delay is fitted beside: it looks like lengths, and like other motors.
     """
     if fit.result.noise is None:
         return ()
+    fit = _in_time(fit, recordings, delay)
     with one_blas_thread():
         search = _Search(fit, force_model, recordings)
         found = [each for motor in search.motors for each in search.of_motor(motor)]
@@ -267,6 +273,19 @@ def missing_forces(
     ):
         found.insert(0, length)
     return tuple(each for each in found if each.matters)
+
+
+def _in_time(fit: WorkingFit, recordings: Sequence[Recording], delay: Delay | None) -> WorkingFit:
+    """A fit beside what may be left of the delay, after its own parameters."""
+    columns = delay_forces(fit.samples, fit.result.values, recordings, delay)
+    columns = columns[:, :, columns.any(axis=(0, 1))]
+    if not (k := columns.shape[2]):
+        return fit
+    wide = _beside(fit, columns, "delay")
+    n = len(fit.result.parameters)
+    rows = np.eye(k, n + k + 1, n)
+    prior = rows if wide.prior is None else np.concatenate([wide.prior, rows])
+    return _refitted(replace(wide, prior=prior))
 
 
 def _wrong_length(
@@ -290,7 +309,8 @@ def _wrong_length(
     thinned = fit.with_result(weights=np.sqrt(step) * fit.result.weights)
     fit = _refitted(replace(thinned, samples=replace(samples, **chosen, instruments=None)))
     runs = [run.select(every) for run in recordings]
-    test, lengths = _Test(fit, runs), length_forces(force_model, standard, runs)
+    test = _Test(fit, runs, len(force_model.parameters))
+    lengths = length_forces(force_model, standard, runs)
     tried = {place: test.of(force[:, :, None]) for place, force in lengths.items()}
     if not tried:
         return None
@@ -383,12 +403,15 @@ class _Tested(NamedTuple):
 
 
 class _Test:
-    """An F test of columns beside those of a fit, by errors that are autocorrelated."""
+    """An F test of columns beside those of a fit, by errors that are autocorrelated.
 
-    def __init__(self, fit: WorkingFit, recordings: Sequence[Recording]) -> None:
+    Of the fit's parameters, so many are estimates.
+    """
+
+    def __init__(self, fit: WorkingFit, recordings: Sequence[Recording], estimates: int) -> None:
         samples, result, n = fit.samples, fit.result, len(fit.result.parameters)
         noise = result.require_noise()
-        self.fit, self.used = fit, samples.used
+        self.fit, self.used, self.estimates = fit, samples.used, estimates
         self.segments = segments_of(samples, recordings)
         self.inverse = np.linalg.inv(fit.factor[:n, :n])
         self.scale = result.weights * samples.used
@@ -475,8 +498,9 @@ class _Test:
 
     def missing(self, found: _Tested, certainty: str, **known: Any) -> MissingForce:
         """What there is, or may be, of the force of columns."""
-        force, bias = found.columns @ found.x, found.bias
-        own, errors = self.used & force.any(axis=0), self.fit.result.standard_errors
+        force, bias = found.columns @ found.x, found.bias[: self.estimates]
+        own = self.used & force.any(axis=0)
+        errors = self.fit.result.standard_errors[: self.estimates]
         whole = float(np.sqrt((self.fit.samples.force[own] ** 2).mean()))
         size = float(np.sqrt((force[own] ** 2).mean()))
         return MissingForce(
@@ -490,10 +514,10 @@ class _Test:
         )
 
 
-def _beside(fit: WorkingFit, columns: FloatArray) -> WorkingFit:
+def _beside(fit: WorkingFit, columns: FloatArray, named: str = "tested") -> WorkingFit:
     """A fit with columns (N, dof, k) beside its own, as if errors were independent."""
     k, n, prior = columns.shape[2], len(fit.result.parameters), fit.prior
-    samples = fit.samples.beside("beside", columns)
+    samples = fit.samples.beside(named, columns)
     wide = fit.with_result(
         parameters=samples.parameters,
         values=np.zeros(n + k),
@@ -537,8 +561,8 @@ class _Search:
         self, fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording]
     ) -> None:
         self.force_model, self.recordings = force_model, recordings
-        self.test = _Test(fit, recordings)
-        loads = force_model.loads(fit.samples.regressor)
+        self.test = _Test(fit, recordings, len(force_model.parameters))
+        loads = force_model.loads(fit.samples.regressor[:, :, : len(force_model.parameters)])
         parts = np.split(loads, np.cumsum([len(run) for run in recordings])[:-1])
         each = zip(recordings, parts, strict=True)
         self.states = [_states(force_model, *pair) for pair in each]

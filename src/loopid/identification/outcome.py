@@ -27,10 +27,14 @@ from loopid.identification.result import Fit
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.identification.unseen import UnseenErrors
 from loopid.logs.recording import Recording
+from loopid.numbers import number
 from loopid.records import record
 
 # Of the moving samples that are fitted where many models are compared.
 FRACTION = 0.6
+# Error on new data as a part of a motor's force, in the root mean square: above, a fit is not fit
+# for use.
+ROUGH = 0.3
 CLEARLY_BETTER = 1.25  # ratio of errors above which another candidate is worth a word
 # Names of the candidates.
 ROBOT_FILE, ALL = "robot file", "all parameters"
@@ -100,10 +104,15 @@ class Outcome:
         used = self.data.used
         return replace(self.data, used=used & first), replace(self.data, used=used & ~first)
 
-    @property
+    @cached_property
     def fit(self) -> Fit:
-        """The recommended values with their uncertainty."""
-        return self.recommended.fit
+        """The recommended values with their uncertainty, and whether a force is unexplained."""
+        fit, worst = self.recommended.fit, self.unseen.worst
+        if not worst[2] > ROUGH:
+            return fit
+        motor, size = self.new.actuators[worst[1]], number(100 * worst[2], 2)
+        said = f"errors of {motor} on new data are {size} % of its force"
+        return replace(fit, unexplained=(said,))
 
     @cached_property
     def unseen(self) -> UnseenErrors:
@@ -129,6 +138,11 @@ class Outcome:
         force = self.new.problem.force_rms
         force = np.where(force > 0, force, np.nan)
         return candidate.validation.residual_rms / force, candidate.rms_errors[1] / force
+
+    @property
+    def singular(self) -> Finding | None:
+        """Singular poses that a log passes."""
+        return next((one.singular for one in self.log_faults if one.singular is not None), None)
 
     @property
     def prior_deviation(self) -> float | None:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,8 +22,9 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     warn_of_bodies,
 )
+from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.data import read, require_no_repetition
-from loopid.identification.delay import in_time, with_delay_errors
+from loopid.identification.delay import Delay, in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_models import AUTOMATIC, ForceModel, force_model, samples_of
@@ -37,7 +39,7 @@ from loopid.identification.information import (
 )
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut
-from loopid.identification.log_mistakes import log_faults_by_log
+from loopid.identification.log_mistakes import LogFaults, log_faults_by_log, singular_poses
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
@@ -167,48 +169,128 @@ def identify(
     0.1
     """
     options.require_references(len(references))
-    others = () if validation is None else validation, friction
     options.require_terms(robot)
-    robot, (recordings, judging, friction) = read(robot, data, *others, mapping=mapping)
-    own = robot if isinstance(robot, Robot) else robot.robot
-    require_forces(own, recordings)
-    require_no_repetition(recordings)
-    choice, force_model = _model_of(robot, recordings, options)
-    training, left_out = recordings, validation is None and options.fraction is None
-    if validation is None and options.fraction is not None:
-        training, judging = split_recordings(recordings, options.fraction)
-    (training, judging, friction), delay, cutoff = in_time(
-        *(force_model, (training, judging, friction)),
-        undo=options.undo_delay,
-        n_jobs=options.n_jobs,
+    others = () if validation is None else validation, friction
+    robot, groups = read(robot, data, *others, mapping=mapping)
+    require_forces(robot if isinstance(robot, Robot) else robot.robot, groups[0])
+    require_no_repetition(groups[0])
+    choice, force_model = _model_of(robot, groups[0], options)
+    runs = _Runs.of(groups, judged=validation is not None, fraction=options.fraction)
+    runs, delay, cutoff, faults = _in_time(force_model, runs, options)
+    fits = _fitted(force_model, runs, references, delay, options)
+    fits = fits.with_origin(runs, delay, cutoff, faults)
+    for each in (delay, fits.excited):
+        if each is not None:
+            each.warn()
+    warn_of_fitted(runs.training, runs.judging)
+    force_model, data, new, judged = _judged(fits, runs, options)
+    return Identification(
+        *(force_model, *runs[:3], data, new, fits.excited, judged, options),
+        cutoff=cutoff,
+        delay=delay,
+        log_faults=faults,
+        missing=fits.missing,
+        choice=choice,
     )
-    runs = *training, *judging, *friction
-    suspected = log_faults_by_log(own, runs, force_model.joint_terms)
-    mistakes = [found for one in suspected for found in one.mistakes]
-    for each in mistakes:
-        each.warn()  # before what a wrong log may end in
+
+
+class _Runs(NamedTuple):
+    """Recordings by what they are for."""
+
+    training: tuple[Recording, ...]
+    judging: tuple[Recording, ...]
+    friction: tuple[Recording, ...]
+    left_out: bool  # no others judge: each segment is predicted by fits to the rest
+
+    @classmethod
+    def of(
+        cls, groups: Sequence[tuple[Recording, ...]], *, judged: bool, fraction: float | None
+    ) -> _Runs:
+        """Of three groups, the first split where a fraction of it is to be fitted."""
+        training, judging, friction = groups
+        if not judged and fraction is not None:
+            training, judging = split_recordings(training, fraction)
+        return cls(training, judging, friction, not judged and fraction is None)
+
+
+def _in_time(
+    force_model: ForceModel, runs: _Runs, options: FitOptions
+) -> tuple[_Runs, Delay | None, CutoffChoice | None, tuple[LogFaults, ...]]:
+    """Recordings without delay, at the best cut-off; that delay, the cut-off, and mistakes."""
+    robot = force_model.robot
+    groups, delay, cutoff = in_time(
+        force_model, runs[:3], undo=options.undo_delay, n_jobs=options.n_jobs
+    )
+    faults = log_faults_by_log(robot, [*chain(*groups)], force_model.joint_terms)
+    for mistake in (found for log in faults for found in log.findings):
+        mistake.warn()  # before what a wrong log may end in
     if cutoff is not None:
         cutoff.warn()
-        training, judging, friction = (
-            at_cutoff(own, runs, cutoff.chosen) for runs in (training, judging, friction)
-        )
-    force_model, data, first = _sampled(force_model, training, friction, references, options)
+        groups = tuple(at_cutoff(robot, group, cutoff.chosen) for group in groups)
+    training, judging, friction = groups
+    return _Runs(training, judging, friction, runs.left_out), delay, cutoff, faults
+
+
+class _Fits(NamedTuple):
+    """Fits of a force model to samples, by their names."""
+
+    force_model: ForceModel
+    data: FitSamples
+    fits: dict[str, Fit]
+    refits: Mapping[str, Callable[[FitSamples], FloatArray]]  # values (n,) from some samples
+    excited: Identifiability
+    missing: tuple[MissingForce, ...]
+    regions: FloatArray | None  # errors (dof,) of the consistent one, by estimates without each
+
+    def with_origin(
+        self,
+        runs: _Runs,
+        delay: Delay | None,
+        cutoff: CutoffChoice | None,
+        faults: Sequence[LogFaults],
+    ) -> _Fits:
+        """Fits that know what they rest on, with errors that allow for the delay."""
+        found = (each for log in faults for each in log.mistakes if each.severity == "mistake")
+        origin: dict[str, Any] = {
+            "cutoff": None if cutoff is None else cutoff.chosen,
+            "use": motor_use(self.force_model, self.data, runs.training),
+            "mistakes": tuple(map(str, found)),
+        }
+        fits = {
+            name: replace(with_delay_errors(fit, self.data, runs.training, delay), **origin)
+            for name, fit in self.fits.items()
+        }
+        return self._replace(fits=fits)
+
+
+def _fitted(
+    force_model: ForceModel,
+    runs: _Runs,
+    references: Sequence[JointMotion],
+    delay: Delay | None,
+    options: FitOptions,
+) -> _Fits:
+    """The robot file with fitted joint terms, all parameters, and all of solid bodies."""
+    force_model, data, first = _sampled(force_model, runs, references, options)
     plain = force_model.plain_columns
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
     whole = fit_all(force_model, data, excited, first=first, options=options)
-    solid, known, missing = None, None, tuple[MissingForce, ...]()
+    solid, known, missing, regions = None, None, tuple[MissingForce, ...](), None
     if options.name == "wls":
         if force_model.automatic and first is None:
-            force_model, data, solid = with_friction(force_model, data, training, whole)
+            force_model, data, solid = with_friction(force_model, data, runs.training, whole)
         else:
             known = whole if first is not None else None
             if first is not None and force_model.automatic:
-                force_model, known = _friction_alone(force_model, first, friction, options)
-                data = force_model.widened(data, training)
+                force_model, known = _friction_alone(force_model, first, runs.friction, options)
+                data = force_model.widened(data, runs.training)
             solid = quiet_consistent_fit(force_model, data, whole.require_noise(), known)
             warn_of_bodies(force_model, solid.result)
-        missing = missing_forces(solid, force_model, training)
+        # Singular poses look like any force.
+        if singular_poses(runs.training) is None:
+            missing = missing_forces(solid, force_model, runs.training, delay)
+        regions = _errors_by_region(solid, data)
     least = whole.noise if solid is None else solid.result.noise
     start = fit_joint_terms(force_model, data, noise=least)
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
@@ -218,42 +300,27 @@ def identify(
     refits = _refits(
         force_model, fits, excited, own_data, first=first, known=known, options=options
     )
-    left = LeftOut.of(data, training, refits) if left_out else None
-    new = data if left_out else samples_of(force_model, judging, n_jobs=options.n_jobs)
-    use = motor_use(force_model, data, training)
-    fits = {
-        name: replace(
-            with_delay_errors(each, data, training, delay),
-            cutoff=None if cutoff is None else cutoff.chosen,
-            use=use,
-            mistakes=tuple(str(each) for each in mistakes if each.severity == "mistake"),
-        )
-        for name, each in fits.items()
-    }
-    if delay is not None:
-        delay.warn()
-    excited.warn()
-    warn_of_fitted(training, judging)
-    regions = None if solid is None else _errors_by_region(solid, data)
-    judged = _judged(fits, data, new, left, regions)
-    if CONSISTENT in fits:
-        # The gears carry the bodies that are recommended.
-        best = ROBOT_FILE if judged[CONSISTENT].loses_to_baseline else CONSISTENT
-        force_model = force_model.with_loads(fits[best].values, fits[best].standard_parameters)
-        data = force_model.widened(data, training)
-        new = data if left_out else force_model.widened(new, judging)
-        judged = _judged(fits, data, new, left, regions)
+    return _Fits(force_model, data, fits, refits, excited, missing, regions)
+
+
+def _judged(
+    fits: _Fits, runs: _Runs, options: FitOptions
+) -> tuple[ForceModel, FitSamples, FitSamples, dict[str, Candidate]]:
+    """Fits beside the first, on new data; the gears carry the bodies that are recommended."""
+    force_model, data, new = fits.force_model, fits.data, fits.data
+    left = LeftOut.of(data, runs.training, fits.refits) if runs.left_out else None
+    if not runs.left_out:
+        new = samples_of(force_model, runs.judging, n_jobs=options.n_jobs)
+    judged = _candidates(fits, data, new, left)
+    if CONSISTENT in judged:
+        best = fits.fits[ROBOT_FILE if judged[CONSISTENT].loses_to_baseline else CONSISTENT]
+        force_model = force_model.with_loads(best.values, best.standard_parameters)
+        data = force_model.widened(data, runs.training)
+        new = data if runs.left_out else force_model.widened(new, runs.judging)
+        judged = _candidates(fits, data, new, left)
     dead = nothing_follows(judged[ALL].fit)
     judged = {name: _with_model(each, force_model, data, dead) for name, each in judged.items()}
-    parts = tuple(training), tuple(judging), tuple(friction)
-    return Identification(
-        *(force_model, *parts, data, new, excited, judged, options),
-        cutoff=cutoff,
-        delay=delay,
-        log_faults=suspected,
-        missing=missing,
-        choice=choice,
-    )
+    return force_model, data, new, judged
 
 
 def _model_of(
@@ -272,17 +339,14 @@ def _model_of(
 
 
 def _sampled(
-    force_model: ForceModel,
-    training: Sequence[Recording],
-    friction: Sequence[Recording],
-    references: Sequence[JointMotion],
-    options: FitOptions,
+    force_model: ForceModel, runs: _Runs, references: Sequence[JointMotion], options: FitOptions
 ) -> tuple[ForceModel, FitSamples, FitSamples | None]:
     """The force model without offsets that are not identifiable, and its samples."""
 
     def samples(model: ForceModel) -> tuple[FitSamples, FitSamples | None]:
-        data = samples_of(model, training, references=references, n_jobs=options.n_jobs)
-        return data, samples_of(model, friction, n_jobs=options.n_jobs) if friction else None
+        data = samples_of(model, runs.training, references=references, n_jobs=options.n_jobs)
+        alone = runs.friction
+        return data, samples_of(model, alone, n_jobs=options.n_jobs) if alone else None
 
     data, first = samples(force_model)
     chosen = choose_terms(force_model, data if first is None else first)
@@ -366,25 +430,22 @@ def _friction_alone(
     return model, found.result
 
 
-def _judged(
-    fits: Mapping[str, Fit],
-    data: FitSamples,
-    new: FitSamples,
-    left: LeftOut | None,
-    regions: FloatArray | None,
+def _candidates(
+    fits: _Fits, data: FitSamples, new: FitSamples, left: LeftOut | None
 ) -> dict[str, Candidate]:
-    """Candidates beside the first; ``regions`` (dof,) are the consistent one's errors there."""
+    """Candidates beside the first."""
     forces = {
         name: left.predicted(name, new) if left else new.predicted(fit.values)
-        for name, fit in fits.items()
+        for name, fit in fits.fits.items()
     }
+    start = fits.fits[ROBOT_FILE]
     judged = dict[str, Candidate]()
-    for name, fit in fits.items():
+    for name, fit in fits.fits.items():
         fitted = replace(fit, quality=fit_quality(data.problem, fit.values))
         both = forces[name], forces[ROBOT_FILE]
-        found = judge(fitted, data, new, name=name, against=fits[ROBOT_FILE], predicted=both)
+        found = judge(fitted, data, new, name=name, against=start, predicted=both)
         # Fits know their errors on data that they have not seen.
-        rms, own = found.validation.residual_rms, regions if name == CONSISTENT else None
+        rms, own = found.validation.residual_rms, fits.regions if name == CONSISTENT else None
         fitted = replace(fitted, unseen_rms=rms if own is None else np.fmax(rms, own))
         judged[name] = replace(found, fit=fitted, regions=own)
     return judged

@@ -12,9 +12,11 @@ from itertools import combinations
 import numpy as np
 
 from loopid.errors import OptionError
+from loopid.findings import PAGE
 from loopid.identification.estimates import Estimates
 from loopid.identification.friction_curves import friction_curve, frictional_joints
 from loopid.identification.problem import FitSamples
+from loopid.numbers import SOLVED_ROUND_OFF
 from loopid.parameters import KINDS
 from loopid.regressors.joint_laws import joint_term
 
@@ -22,14 +24,14 @@ from loopid.regressors.joint_laws import joint_term
 # a contribution that is too small to do harm, and what a filter takes off: friction can be all of
 # the force.
 LEFT, SMALL = 0.01, 0.1
-# Rates that friction is looked at, from next to standstill to the fastest of the log; part of the
-# largest force that is round-off.
-RATES, SLOW, ROUND_OFF = 100, 1e-4, 1e-9
+# Rates that friction is looked at, from next to standstill to the fastest of the log.
+RATES, SLOW = 100, 1e-4
 # Part of a force's variance that a fit of all parameters explains in the data that were fitted:
 # below, the force does not follow the motion.
 NOISE = 0.2
 NOTHING_FOLLOWS = "no force follows the motion"
 # Terms that keep the laws on any log, by the estimator that holds friction from driving.
+UNEXPLAINED = f"see {PAGE} for what may be missing"
 SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
 
@@ -53,41 +55,31 @@ def nothing_follows(every: Estimates) -> bool:
     return not (every.quality.r_squared >= NOISE).any()
 
 
-def require_sane(fit: Estimates, anyway: bool) -> None:
-    """Refuse a fit that breaks a law, on its logs or by its values, unless ``anyway`` is given.
-
-    Raises
-    ------
-    OptionError
-    """
-    if anyway:
-        return
-    broken = fit.broken or tuple(_of_friction(fit))
-    if broken:
-        mend = f"its log has a mistake, {fit.mistakes[0]}" if fit.mistakes else SANE
-        if broken[0] == NOTHING_FOLLOWS and not fit.mistakes:
-            mend = "record a motion in which the forces change"
-        raise OptionError(
-            f"the fit is not fit for use, as {broken[0]}: {mend}; anyway=True takes it "
-            "nevertheless",
-            broken=broken,
-        )
-
-
 def require_fit_for_use(fit: Estimates, anyway: bool) -> None:
-    """Refuse a fit of a log with a mistake, or one that breaks a law, unless ``anyway`` is given.
+    """Refuse a fit that is not fit for use, unless ``anyway`` is given: one rule for all ways out.
+
+    It breaks a law, on its logs or by its values, is of a log with a mistake, or leaves a force
+    unexplained.
 
     Raises
     ------
     OptionError
     """
-    if fit.mistakes and not anyway:
-        raise OptionError(
-            f"the fit is of a log with a mistake and not fit for use: {fit.mistakes[0]}. Then "
-            "identify again; anyway=True writes it nevertheless",
-            mistakes=fit.mistakes,
-        )
-    require_sane(fit, anyway)
+    broken = fit.broken or tuple(_of_friction(fit))
+    why = (*broken, *fit.mistakes, *fit.unexplained)
+    if anyway or not why:
+        return
+    mend = SANE if broken else UNEXPLAINED
+    if NOTHING_FOLLOWS in broken:
+        mend = "record a motion in which the forces change"
+    if fit.mistakes:
+        mend = f"its log has a mistake, {fit.mistakes[0]}. Then identify again"
+    because = f", as {why[0]}" if why[0] not in fit.mistakes else ""
+    raise OptionError(
+        f"the fit is not fit for use{because}: {mend}; anyway=True takes it nevertheless",
+        broken=broken,
+        mistakes=fit.mistakes,
+    )
 
 
 def _of_friction(fit: Estimates) -> Iterator[str]:
@@ -103,7 +95,7 @@ def _of_friction(fit: Estimates) -> Iterator[str]:
         for way in (1.0, -1.0):
             curve = friction_curve(fit, joint, way * rates)
             values, ends = way * curve.values, (way * curve.band).max(axis=1)
-            drives = (values < -SMALL * most) | ((values < -ROUND_OFF * most) & (ends < 0))
+            drives = (values < -SMALL * most) | ((values < -SOLVED_ROUND_OFF * most) & (ends < 0))
             if values.max() > (1 + SMALL) * most:
                 k = int(values.argmax())
                 yield (

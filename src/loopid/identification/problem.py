@@ -32,9 +32,6 @@ from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.records import record
 
-# Residuals of an actuator, relative to its force, that are but round-off.
-ROUND_OFF = 1e-10
-
 
 @record(checked=True)
 class FitProblem:

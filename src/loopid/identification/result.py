@@ -14,7 +14,7 @@ from loopid.files import require_other_file, write_file
 from loopid.identification.data import recordings_of, require_some
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
-from loopid.identification.plausibility import require_sane
+from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.prediction import Prediction, predicted
 from loopid.identification.quality import Quality
 from loopid.identification.saved import FitFile, as_file, require_ending
@@ -24,6 +24,7 @@ from loopid.records import record
 from loopid.registry import fit_exports
 from loopid.robot.robot import Robot
 
+RECOMMENDED = "parameters.yaml"  # in the folder of ``loopid identify --out``
 VALUES = "values"  # estimator of values that nothing was fitted to
 
 
@@ -83,6 +84,8 @@ class Fit(Estimates):
         (dof,), root mean square errors on data that were not fitted, in N or N m; NaN without any.
     broken : tuple of str
         Laws of sane fits that it breaks on these logs (``absurdities``), one sentence each.
+    unexplained : tuple of str
+        The force whose errors on new data are too large for any use, in a sentence, if any.
 
     Examples
     --------
@@ -150,14 +153,14 @@ class Fit(Estimates):
         Raises
         ------
         OptionError
-            When the fit breaks a law of sane ones (``absurdities``), and is not taken anyway.
+            When the fit is not fit for use (``save``), and is not taken anyway.
         DataError
             When the robot is another one.
         """
         fit, own = self, robot if isinstance(robot, Robot) else robot.robot
         if self.model is None and isinstance(robot, ForceModel):
             fit = replace(self, model=robot)
-        require_sane(fit, anyway)
+        require_fit_for_use(fit, anyway)
         if fit.robot != own:
             fit = replace(fit, model=FitFile.of(fit).model_of(own))
         return fit.require_model()
@@ -227,12 +230,14 @@ class Fit(Estimates):
         path : path
             Ending in .yaml, .yml or .json; written whole or not at all.
         anyway : bool
-            Whether a fit that breaks a law of sane ones (``absurdities``) is written.
+            Whether a fit is written that is not fit for use: of a log with a mistake, one that
+            breaks a law of sane ones (``absurdities``), or that leaves a force unexplained.
 
         Raises
         ------
         OptionError
-            When the name ends otherwise, the force model is not known, or the fit breaks a law.
+            When the name ends otherwise, the force model is not known, or the fit is not fit for
+            use.
         FileError
             When the file cannot be written, or is one of the robot's.
 
@@ -253,7 +258,7 @@ class Fit(Estimates):
     def content(self, path: str | Path, *, anyway: bool = False) -> str:
         """What ``save`` writes to a file of that name."""
         require_ending(path)
-        require_sane(self, anyway)
+        require_fit_for_use(self, anyway)
         return as_file(self.record())
 
     def record(self) -> dict[str, Any]:
@@ -275,8 +280,7 @@ class Fit(Estimates):
         overwrite : bool
             Whether the robot's own file, or another YAML, may be replaced.
         anyway : bool
-            Whether a fit is written that is not fit for use: of a log with a mistake, or one that
-            breaks a law of sane ones.
+            As of ``save``.
 
         Returns
         -------
@@ -310,7 +314,7 @@ class Fit(Estimates):
         name : str, optional
             A C identifier that all names begin with; by default made of the robot's.
         anyway : bool
-            As of ``to_robot_file``.
+            As of ``save``.
 
         Returns
         -------
@@ -336,17 +340,23 @@ class Fit(Estimates):
         Parameters
         ----------
         anyway : bool
-            As of ``to_robot_file``.
+            As of ``save``.
 
         Raises
         ------
         DataError
             When the fit has base parameters only.
         OptionError
-            Naming a closure that Pinocchio has no contact for, or a law that the fit breaks.
+            Naming a closure that Pinocchio has no contact for; as ``save``.
         """
         found: tuple[Any, Any] = fit_exports["Pinocchio"](self, anyway=anyway)
         return found
+
+
+def fit_file(path: str | Path) -> Path:
+    """The file of a saved fit, given itself or as the folder of ``loopid identify --out``."""
+    place = Path(path)
+    return place / RECOMMENDED if place.is_dir() else place
 
 
 @checked
@@ -356,7 +366,7 @@ def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
     Parameters
     ----------
     path : path
-        Ending in .yaml, .yml or .json.
+        Ending in .yaml, .yml or .json; or a folder of ``loopid identify --out``.
     robot : Robot or path, optional
         The robot, or its file; by default from where it was, loaded as it was.
 
@@ -384,7 +394,7 @@ def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
     >>> fit.robot.name, fit.parameters == model.parameters
     ('five_bar', True)
     """
-    file = FitFile.read(path)
+    file = FitFile.read(fit_file(path))
     own = robot if isinstance(robot, Robot) else file.load_robot(robot)
     return Fit(**file.estimates, model=file.model_of(own))
 

@@ -25,8 +25,9 @@ from loopid.identification.estimator import (
     result_of,
     solved,
 )
-from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
+from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.quality import Robustness, fit_quality
+from loopid.numbers import FIT_ROUND_OFF
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -207,7 +208,7 @@ def _scales(samples: FitSamples, residual: FloatArray) -> FloatArray:
     for i in np.flatnonzero(problem.samples):
         middle = float(np.median(np.abs(residual[samples.used[:, i], i])))
         scales[i] = max(middle / NORMAL_MEDIAN, samples.least_errors[i])
-        if scales[i] <= ROUND_OFF * problem.force_rms[i]:
+        if scales[i] <= FIT_ROUND_OFF * problem.force_rms[i]:
             raise DataError(
                 f"actuator {samples.actuators[i]} is fitted without error in more than half of its "
                 "samples: the scale of its errors is undefined; use ols",

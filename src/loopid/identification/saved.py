@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
 from hashlib import sha256
 from importlib.metadata import version
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
@@ -28,21 +28,12 @@ from loopid.errors import DataError, FileError, LoopidError, OptionError
 from loopid.files import near_file, why_no_file
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
-from loopid.identification.quality import (
-    FileDeviation,
-    MotorUse,
-    NoiseModel,
-    Quality,
-    Robustness,
-    StandardUncertainty,
-    TermDeviations,
-)
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.closure import Closure, Coupling, not_in
 from loopid.loading.files import bundled_directory, find_files, own_files
 from loopid.parameters import Parameter, ParameterSet
-from loopid.records import record
+from loopid.records import json_value, record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion_regressors import motion_parameters
 from loopid.regressors.structural import structural_observation
@@ -55,17 +46,8 @@ STATES = 3  # of the robot, by which it is known again
 # the standard parameters.
 SAME_ROBOT, FOLLOWS = 1e-6, 1e-9
 NO_EFFECT = 1e-10  # of a column, relative to the largest
-# What a fit knows that is in sections of its own, and what of the others are records.
+# What a fit knows that is in sections of its own.
 APART = {"parameters", "values", "covariance", "standard_parameters", "model"}
-RECORDS = {
-    "quality": Quality,
-    "noise": NoiseModel,
-    "robustness": Robustness,
-    "uncertainty": StandardUncertainty,
-    "deviation": FileDeviation,
-    "term_deviations": TermDeviations,
-    "use": MotorUse,
-}
 
 
 @record
@@ -127,7 +109,7 @@ class FitFile:
                 if each.name not in APART
             },
         }
-        plain: dict[str, Any] = _plain(content)
+        plain: dict[str, Any] = json_value(content, nulls=False)
         return cls(plain | {"digest": digest(plain)})
 
     @classmethod
@@ -184,8 +166,9 @@ class FitFile:
             ends = ("file", "degrees_of_freedom")  # null where infinite
             found = {name: [math.inf if x is None else x for x in known[name]] for name in ends}
             estimate["uncertainty"] = known | found
-        for name, kind in RECORDS.items():
-            if name in estimate:
+        for name, hint in get_type_hints(Estimates).items():
+            kind: Any = next(filter(is_dataclass, (hint, *get_args(hint))), None)
+            if kind is not None and name in estimate:
                 estimate[name] = kind(**estimate[name])
         values = [each.get("value") for each in self.content["standard_parameters"]]
         return {
@@ -265,20 +248,65 @@ class FitFile:
         states, forces there, and coefficients. Inertials may differ, as in robot files that were
         exported.
         """
-        difference = next(_differences(self, robot), None)
-        if difference is None:
-            kind, terms = self.force_model["model"], self.joint_terms
-            observation = structural_observation(robot, kind, joint_terms=terms)
-            model = ForceModel(robot, kind, terms, self._base(analyse(observation)))
-            difference = next(_other_numbers(self, model, observation.factor), None)
-        if difference is None:
-            return model
+        self._require_same_layout(robot)
+        kind, terms = self.force_model["model"], self.joint_terms
+        observation = structural_observation(robot, kind, joint_terms=terms)
+        model = ForceModel(robot, kind, terms, self._base(analyse(observation)))
+        self._require_same_numbers(model, observation.factor)
+        return model
+
+    def _other(self, robot: Robot, difference: str) -> DataError:
+        """An error that names a difference, and which files are others."""
         hashes, known = _hashes(robot).items(), self.robot["files"]
         other = [name for name, hashed in hashes if known.get(name) != hashed]
         files = f" ({', '.join(other)}: not the files of the fit)" if other else ""
-        raise DataError(
+        return DataError(
             f"this is a fit of {self.robot['name']}, not of {robot.source}{files}: {difference}"
         )
+
+    def _require_same_layout(self, robot: Robot) -> None:
+        """Refuse other names, gravity or loops, before any model of the robot is made."""
+        own = self.force_model
+
+        def require_same(what: str, there: Sequence[str], here: Sequence[str]) -> None:
+            for one, other in zip_longest(there, here):
+                if one != other:
+                    said = f"{what} {other or 'none'} of the fit is {one or 'none'} there"
+                    raise self._other(robot, said)
+
+        require_same("coordinate", robot.coordinates, self.robot["coordinates"])
+        require_same("row", robot.independent, own["rows"])
+        labels = motion_parameters(robot, own["model"], self.joint_terms).labels
+        require_same("parameter", labels, self.standard.labels)
+        gravity = robot.model.gravity.linear.tolist()
+        if not np.allclose(gravity, own["gravity"], rtol=SAME_ROBOT):
+            raise self._other(robot, f"gravity is {gravity} m/s² there, not {own['gravity']}")
+        q = np.array(self.content["check"]["configurations"])
+        residual = np.abs(constraint_residual(robot, q)).max(axis=0, initial=0.0)
+        if residual.max(initial=0.0) > SAME_ROBOT * robot.length + 2 * robot.closure_residual:
+            k = int(residual.argmax())
+            said = f"closure {robot.row_names[k]} has a residual of {residual[k]:.3g} there"
+            raise self._other(robot, said)
+
+    def _require_same_numbers(self, model: ForceModel, R: FloatArray) -> None:
+        """Refuse other forces or coefficients; R is the triangular factor of all columns."""
+        fit = Estimates(**self.estimates, model=model)
+        names = "configurations", "velocities", "accelerations", "forces"
+        *state, forces = (np.array(self.content["check"][name]) for name in names)
+        apart = np.abs(_forces(fit.require_model(), fit.values, *state) - forces).max(axis=0)
+        k = int(apart.argmax())
+        if apart[k] > SAME_ROBOT * np.abs(forces).max():
+            terms = model.joint_terms
+            why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
+            row = self.force_model["rows"][k]
+            said = f"the force along {row} differs by {apart[k]:.3g} there{why}"
+            raise self._other(model.robot, said)
+        M, own, sizes = self.matrix, model.base.base, np.linalg.norm(R, axis=0)
+        errors = np.linalg.norm(R - R[:, own] @ M, axis=0)
+        allowed = SAME_ROBOT * (sizes + sizes[own] @ np.abs(M)) + NO_EFFECT * sizes.max()
+        if (errors > allowed).any():
+            worst = self.standard.labels[int(np.argmax(errors / allowed))]
+            raise self._other(model.robot, f"{worst} has other coefficients there")
 
     def _base(self, structure: Structure) -> BaseParameters:
         """The base parameters of the file, for what a robot lets be known."""
@@ -352,19 +380,6 @@ def require_ending(path: str | Path) -> str:
     return ending
 
 
-def _plain(value: Any) -> Any:
-    """Without what is None; arrays as lists; what is not finite as None, which files call null."""
-    if is_dataclass(value):
-        value = {each.name: getattr(value, each.name) for each in fields(value)}
-    if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items() if entry is not None}
-    if isinstance(value, np.ndarray):
-        return value.tolist() if np.isfinite(value).all() else _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def _states(model: ForceModel, values: FloatArray) -> dict[str, FloatArray]:
     """Random states, the same for the same robot, and the forces there."""
     q = random_configurations(model.robot, STATES, seed=0)
@@ -379,50 +394,6 @@ def _forces(
 ) -> FloatArray:
     W = model.base.regressor(model.standard_regressor(q, v, a))
     return np.asarray(model.loaded(W) @ values)
-
-
-def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
-    """What makes a robot another one, before any model: the next build on the first."""
-    own, terms = file.force_model, file.joint_terms
-
-    def others(what: str, there: Sequence[str], here: Sequence[str]) -> Iterator[str]:
-        for one, other in zip_longest(there, here):
-            if one != other:
-                yield f"{what} {other or 'none'} of the fit is {one or 'none'} there"
-
-    yield from others("coordinate", robot.coordinates, file.robot["coordinates"])
-    yield from others("row", robot.independent, own["rows"])
-    labels = motion_parameters(robot, own["model"], terms).labels
-    yield from others("parameter", labels, file.standard.labels)
-    gravity = robot.model.gravity.linear.tolist()
-    if not np.allclose(gravity, own["gravity"], rtol=SAME_ROBOT):
-        yield f"gravity is {gravity} m/s² there, not {own['gravity']}"
-    q = np.array(file.content["check"]["configurations"])
-    residual = np.abs(constraint_residual(robot, q)).max(axis=0, initial=0.0)
-    most = SAME_ROBOT * robot.length + 2 * robot.closure_residual
-    if residual.max(initial=0.0) > most:
-        k = int(residual.argmax())
-        yield f"closure {robot.row_names[k]} has a residual of {residual[k]:.3g} there"
-
-
-def _other_numbers(file: FitFile, model: ForceModel, R: FloatArray) -> Iterator[str]:
-    """Forces and coefficients of another robot; R is the triangular factor of all columns."""
-    fit = Estimates(**file.estimates, model=model)
-    names = "configurations", "velocities", "accelerations", "forces"
-    *state, forces = (np.array(file.content["check"][name]) for name in names)
-    found = _forces(fit.require_model(), fit.values, *state)
-    apart = np.abs(found - forces).max(axis=0)
-    k = int(apart.argmax())
-    if apart[k] > SAME_ROBOT * np.abs(forces).max():
-        terms = model.joint_terms
-        why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
-        yield f"the force along {file.force_model['rows'][k]} differs by {apart[k]:.3g} there{why}"
-    M, own, sizes = file.matrix, model.base.base, np.linalg.norm(R, axis=0)
-    errors = np.linalg.norm(R - R[:, own] @ M, axis=0)
-    allowed = SAME_ROBOT * (sizes + sizes[own] @ np.abs(M)) + NO_EFFECT * sizes.max()
-    if (errors > allowed).any():
-        worst = file.standard.labels[int(np.argmax(errors / allowed))]
-        yield f"{worst} has other coefficients there"
 
 
 def _place(robot: Robot) -> str:

@@ -9,8 +9,9 @@ import numpy as np
 from loopid.errors import first_of
 from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
+from loopid.identification.friction_curves import friction_curve, frictional_joints
 from loopid.identification.missing import missing_findings
-from loopid.identification.outcome import Outcome
+from loopid.identification.outcome import ALL, ROUGH, Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS
 from loopid.identification.result import Fit
 from loopid.logs.preparing import encoder_faults
@@ -18,13 +19,16 @@ from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
 
-# Error on new data as a part of a motor's force, in the root mean square: what a controller's
-# feedforward can be built on, and what it still profits from.
-GOOD, ROUGH = 0.1, 0.3
+# Error on new data as a part of a motor's force, in the root mean square, that a controller's
+# feedforward can be built on; up to ROUGH it still profits.
+GOOD = 0.1
 NAMED = 1  # motors that a finding names
 LEAST_CERTAIN = 2  # parameters that the verdict names
 # Errors over the sensors' noise, from which on the model lacks something: values follow that.
 NOISY = 3.0
+# Part of a motor's largest force that friction must drive with at one speed, and brake with at
+# another.
+TURNS = 0.1
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
 # What a fit is fit for, in words.
 NOT_FIT, ROUGHLY = "Not fit for use", "Fit for rough predictions of forces"
@@ -165,6 +169,36 @@ def _better(found: Outcome) -> Finding | None:
     )
 
 
+def _turning_friction(found: Outcome) -> Finding | None:
+    """Motors whose friction clearly brakes at low speed and drives at high speed, or turned.
+
+    That is what all parameters fitted say; no friction does both. A recorded force looks like this
+    where the drive adds another that grows with speed, or takes it off. A wrong sign does not.
+    """
+    fit, said = found[ALL].fit, dict[str, str]()
+    for joint in frictional_joints(fit):
+        if fit.use is None or joint not in fit.use.joints:
+            continue
+        rates = np.array(fit.use.of(joint))
+        forwards, backwards = (friction_curve(fit, joint, way * rates) for way in (1.0, -1.0))
+        largest = float(fit.use.largest[fit.use.joints.index(joint)])
+        friction = (forwards.values - backwards.values) / 2
+        reach = np.hypot(np.ptp(forwards.band, axis=1), np.ptp(backwards.band, axis=1)) / 4
+        clear = np.abs(friction) > np.maximum(TURNS * largest, reach)
+        if clear.all() and np.prod(friction) < 0:
+            slow, fast = (number(x / largest, 2) for x in friction)
+            said[joint] = f"{slow} of the largest force of {joint} when slow, {fast} when fast"
+    if not said:
+        return None
+    return Finding(
+        "warning",
+        f"friction of {first_of([*said], NAMED)} changes its sign with speed",
+        f"all parameters fitted, it is {next(iter(said.values()))}",
+        "log the whole force: a part that grows with speed is missing or turned, as what a drive "
+        "adds by itself",
+    )
+
+
 def _of_model(found: Outcome) -> Finding | None:
     """What to know of a gravity model: that inertia does not show, or is missing."""
     gravity = found.force_model.model == "gravity"
@@ -175,7 +209,7 @@ def _use(found: Outcome, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
     if not error <= ROUGH:
-        return NOT_FIT
+        return f"{NOT_FIT}, as {found.singular.title}" if found.singular else NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
     model = _of_model(found)
     if model is not None and model.severity == "note" and found.choice is not None:
@@ -254,13 +288,13 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
 
     Another motion does not help where forces are not explained.
     """
+    if found.singular is not None:
+        return (), found.singular.do
     model = _of_model(found)
     if model is not None and model.do:
         return (), model.do
-    if (better := _better(found)) is not None:
-        return (), better.do
-    if (unexplained := _unexplained(found)) is not None:
-        return (), unexplained.do
+    for wrong in _wrong(found):
+        return (), wrong.do
     excite = found.identifiability.leads or _least_known(found)
     least = " and ".join(excite[:LEAST_CERTAIN])
     return excite, f"excite the least certain, {least}" if excite else "record a longer log"
@@ -269,8 +303,8 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
 def findings_of(found: Outcome) -> Iterator[Finding]:
     """What to know beside the numbers."""
     for one in found.log_faults:
-        yield from one.mistakes
-    yield from (each for each in (_better(found), _unexplained(found)) if each is not None)
+        yield from one.findings
+    yield from _wrong(found)
     yield from _of_encoders(found)
     yield from _model_findings(found)
     fit = found.fit
@@ -293,6 +327,13 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
         )
     yield from found.identifiability.findings
     yield from () if found.cutoff is None else found.cutoff.findings
+
+
+def _wrong(found: Outcome) -> Iterator[Finding]:
+    """What another motion does not mend, the likeliest cause first."""
+    others = [each for each in (_better(found), _unexplained(found)) if each is not None]
+    turning = _turning_friction(found) if others else None
+    yield from others if turning is None else (turning, *others)
 
 
 def _unexplained(found: Outcome) -> Finding | None:

@@ -17,10 +17,9 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, checked, one_as_many, samples
 from loopid.kinematics.poses import FramePoses, blocks, frame_motions, frame_poses, prepared
+from loopid.numbers import SUM_ROUND_OFF
 from loopid.robot.closures import Equations, FramePair, PairRates
 from loopid.robot.robot import Robot
-
-ROUND_OFF = 1e-13  # of the characteristic length
 
 
 class Constraint:
@@ -239,7 +238,7 @@ def scaled_jacobian(robot: Robot, jacobian: FloatArray) -> FloatArray:
     scaled = jacobian * prepared(robot).in_common_units
     # Equations that hold in any motion leave nothing but round-off, which has no rank.
     largest = np.abs(scaled).max(axis=(1, 2), initial=0.0)
-    least = ROUND_OFF * robot.length
+    least = SUM_ROUND_OFF * robot.length
     if largest.min(initial=np.inf) < least:
         scaled[largest < least] = 0.0
     return np.asarray(scaled)

@@ -15,15 +15,9 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray, checked, one_as_many, samples
 from loopid.errors import MobilityError, OptionError
 from loopid.kinematics.constraint import Constraint, scaled_residual
-from loopid.kinematics.poses import (
-    FramePoses,
-    blocks,
-    difference,
-    frame_motions,
-    frame_poses,
-    prepared,
-)
+from loopid.kinematics.poses import FramePoses, blocks, difference, frame_motions, frame_poses
 from loopid.kinematics.projection import Factorisation, partition
+from loopid.records import derived
 from loopid.robot.closures import relative_quaternion
 from loopid.robot.platform import Platform
 from loopid.robot.robot import Robot
@@ -197,13 +191,10 @@ def measured_coordinates(
     (1, 2)
     """
     key = coordinates if isinstance(coordinates, str | None) else tuple(coordinates)
-    known = prepared(robot).measured
-    if key not in known:
-        known[key] = _determining(robot, key)
-    found: MeasuredCoordinates = known[key]
-    return found
+    return _determining(robot, key)
 
 
+@derived
 def _determining(robot: Robot, coordinates: tuple[str, ...] | str | None) -> MeasuredCoordinates:
     measured: MeasuredCoordinates
     if coordinates == "platform":

@@ -8,12 +8,11 @@ axes.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -21,8 +20,9 @@ import pinocchio as pin
 from loopid.arguments import FloatArray, IntArray, checked, samples
 from loopid.errors import DataError
 from loopid.parameters import model_kinds
+from loopid.records import derived
 from loopid.robot.closures import Equations, LoopClosure
-from loopid.robot.robot import Robot, scratch_data
+from loopid.robot.robot import Memory, Robot
 
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
 BLOCK = 1024
@@ -46,35 +46,11 @@ def blocks(count: int, size: int | None = None) -> Iterator[slice]:
         yield slice(first, min(first + step, count))
 
 
-class _Memory(threading.local):
-    """Pinocchio's data of a robot, one for each thread."""
-
-    def __init__(self, model: pin.Model) -> None:
-        self.data = model.createData()
-        self.placed = _placed(self.data)
-
-
-def _placed(data: pin.Data) -> FloatArray:
-    """All frames in Pinocchio's memory (nframes, 12), so that no object is made at a sample.
-
-    The columns of the rotation, then the origin: ``data.oMf`` is a C++ vector of these.
-    """
-    rotation = data.oMf[0].rotation
-    parts = [(each.rotation, each.translation) for each in data.oMf]
-    addresses = np.array([[part.ctypes.data for part in each] for each in parts])
-    step = (addresses[-1, 0] - addresses[0, 0]) // max(len(parts) - 1, 1)
-    found = addresses - addresses[0, 0] - step * np.arange(len(parts))[:, None]
-    assert np.all(found == (0, rotation.nbytes)), "Pinocchio keeps frames in another way"
-    shape, strides = (len(parts), 12), (step, rotation.itemsize)
-    return np.lib.stride_tricks.as_strided(rotation, shape, strides, writeable=False)
-
-
 class Prepared:
     """Indices, units and memory of Pinocchio that are made once a robot; see ``prepared``."""
 
     def __init__(self, robot: Robot) -> None:
-        self.model = robot.model
-        self.memory = _Memory(self.model)
+        self.model, self.memory = robot.model, robot.memory
         models = list(enumerate(self.model.joints))[1:]
         # Index and coordinates of the joints that ``data.dJ`` is not all of.
         self.varying = [
@@ -92,20 +68,7 @@ class Prepared:
         self.cables = np.array(cables, dtype=np.int64).reshape(-1, 3).T
         self.units = robot.row_scales[:, None] * robot.coordinate_scales
         self.in_common_units = self.units * robot.moving
-        # Coordinates that are chosen as independent, and the others, by their names.
-        self.partitions: dict[tuple[str, ...] | None, tuple[IntArray, IntArray]] = {}
         self.few_enough: set[int] = set()  # numbers of independent coordinates
-        self.columns: dict[str, tuple[IntArray, FloatArray | None]] = {}
-        # Measured coordinates by their names, and random configurations that were drawn before.
-        self.measured: dict[tuple[str, ...] | str | None, Any] = {}
-        self.drawn: dict[Any, tuple[FloatArray, ...]] = {}
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "memory": None, "measured": {}, "drawn": {}}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self.memory = _Memory(self.model)
 
 
 class Group(NamedTuple):
@@ -142,13 +105,10 @@ def _without_numbers(closure: LoopClosure) -> tuple[type, ...]:
     return () if any(vars(part) for part in own) else tuple(type(part) for part in own)
 
 
+@derived
 def prepared(robot: Robot) -> Prepared:
     """What is prepared for a robot, made when it is first used."""
-    kept = vars(robot)
-    found: Prepared | None = kept.get("_prepared")
-    if found is None:
-        found = kept["_prepared"] = Prepared(robot)
-    return found
+    return Prepared(robot)
 
 
 @dataclass(eq=False)
@@ -292,7 +252,7 @@ def torque_regressors(
         message = f"G must have shape ({len(q)}, {tree.nv}, dof), not {np.shape(G)}"
         raise DataError(message, argument="G")
     v, a = (np.zeros((len(q), tree.nv)) if rate is None else rate for rate in (v, a))
-    columns, ties = _columns(robot, own, model)
+    columns, ties = _columns(robot, model)
     G = np.broadcast_to(np.eye(tree.nv), (len(q), tree.nv, tree.nv)) if G is None else G
     to_rows = np.ascontiguousarray(G.transpose(0, 2, 1))
     K = np.empty((len(q), to_rows.shape[1], len(columns)))
@@ -307,27 +267,23 @@ def torque_regressors(
     return K if ties is None else K @ ties
 
 
-def _columns(robot: Robot, own: Prepared, model: str) -> tuple[IntArray, FloatArray | None]:
+@derived
+def _columns(robot: Robot, model: str) -> tuple[IntArray, FloatArray | None]:
     """With "gravity" m, mx, my and mz of each body; and what ties those of links alike."""
-    if model not in own.columns:
-        ties = robot.tie_matrix(len(model_kinds(model))) if robot.tied else None
-        own.columns[model] = robot.columns(model), ties
-    return own.columns[model]
+    ties = robot.tie_matrix(len(model_kinds(model))) if robot.tied else None
+    return robot.columns(model), ties
 
 
 class Tree:
-    """A tree of bodies without closures, and Pinocchio's memory of it in each thread."""
+    """A tree of bodies without closures, and Pinocchio's memory of it."""
 
     def __init__(self, model: pin.Model) -> None:
-        self.model, self._memory = model, _Memory(model)
+        self.model, self._memory = model, Memory(model)
         # Whether each subtree has joints that follow each other, as Pinocchio's CRBA takes for
         # granted; a model made in Python need not.
         self.depth_first = all(
             model.parents[k] in model.supports[k - 1].tolist() for k in range(2, model.njoints)
         )
-
-    def __reduce__(self) -> tuple[type[Tree], tuple[pin.Model]]:
-        return Tree, (self.model,)
 
     def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Joint forces (N, k, nv) at configurations (N, nq), for k motions (N, k, nv) of each."""
@@ -352,24 +308,23 @@ class Tree:
             out[:] = pin.crba(self.model, data, configuration)
         return np.asarray(np.triu(M) + np.triu(M, 1).swapaxes(1, 2))
 
+    def reactions(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, joints: Sequence[int]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Joint forces (N, nv) of a motion, and what some joints transmit then.
 
-def tree_reactions(
-    tree: pin.Model, q: FloatArray, v: FloatArray, a: FloatArray, joints: Sequence[int]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Joint forces (N, nv) of the tree without closures, and what some joints transmit then.
-
-    Forces (N, J, 3) from each joint to what hangs on it, along the fixed axes, and the orientations
-    (N, J, 3, 3) of the joints.
-    """
-    data = scratch_data(tree)
-    tau, force = np.empty((len(q), tree.nv)), np.empty((len(q), len(joints), 3))
-    turn = np.empty((len(q), len(joints), 3, 3))
-    for k, state in enumerate(zip(q, v, a, strict=True)):
-        tau[k] = pin.rnea(tree, data, *state)
-        pin.forwardKinematics(tree, data, state[0])
-        turn[k] = [data.oMi[j].rotation for j in joints]
-        force[k] = [data.f[j].linear for j in joints]
-    return tau, np.einsum("njab,njb->nja", turn, force), turn
+        Forces (N, J, 3) from each joint to what hangs on it, along the fixed axes, and the
+        orientations (N, J, 3, 3) of the joints.
+        """
+        model, data, tau = self.model, self._memory.data, np.empty((len(q), self.model.nv))
+        force = np.empty((len(q), len(joints), 3))
+        turn = np.empty((len(q), len(joints), 3, 3))
+        for k, state in enumerate(zip(q, v, a, strict=True)):
+            tau[k] = pin.rnea(model, data, *state)
+            pin.forwardKinematics(model, data, state[0])
+            turn[k] = [data.oMi[j].rotation for j in joints]
+            force[k] = [data.f[j].linear for j in joints]
+        return tau, np.einsum("njab,njb->nja", turn, force), turn
 
 
 def integrate(robot: Robot, configurations: FloatArray, steps: FloatArray) -> FloatArray:

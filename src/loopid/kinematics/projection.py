@@ -20,7 +20,7 @@ from loopid.arguments import FloatArray, IntArray, checked, samples
 from loopid.errors import AccuracyWarning, DataError, MobilityError, SingularityError, counted, warn
 from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
 from loopid.kinematics.poses import blocks, prepared
-from loopid.records import record
+from loopid.records import derived, read_only, record
 from loopid.robot.robot import RANK_TOLERANCE, Robot, connected
 
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
@@ -381,18 +381,17 @@ def singularity_measure(robot: Robot, configurations: FloatArray) -> FloatArray:
 
 def partition(robot: Robot, independent: Sequence[str] | None = None) -> tuple[IntArray, IntArray]:
     """Velocity indices of the independent coordinates, the robot's by default, and the rest."""
-    known = prepared(robot).partitions
-    key = None if independent is None else tuple(independent)
-    if key not in known:
-        names = robot.independent if key is None else key
-        chosen = robot.velocity_indices(names)
-        if len(set(chosen)) != len(chosen):
-            raise MobilityError(f"a joint is twice among {', '.join(names)}", given=tuple(names))
-        dependent = np.setdiff1d(np.arange(robot.model.nv), chosen)
-        chosen.setflags(write=False)
-        dependent.setflags(write=False)
-        known[key] = chosen, dependent
-    return known[key]
+    return _partition(robot, None if independent is None else tuple(independent))
+
+
+@derived
+def _partition(robot: Robot, independent: tuple[str, ...] | None) -> tuple[IntArray, IntArray]:
+    names = robot.independent if independent is None else independent
+    chosen = robot.velocity_indices(names)
+    if len(set(chosen)) != len(chosen):
+        raise MobilityError(f"a joint is twice among {', '.join(names)}", given=tuple(names))
+    dependent = np.setdiff1d(np.arange(robot.model.nv), chosen)
+    return read_only(chosen), read_only(dependent)
 
 
 @dataclass(eq=False)

@@ -17,7 +17,7 @@ import numpy as np
 from loopid.arguments import NOT_EMPTY, BoolArray, FloatArray, checked, numbers_of
 from loopid.errors import OptionError
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.poses import blocks, tree_reactions
+from loopid.kinematics.poses import Tree, blocks
 from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, Solver, partition
 from loopid.robot.robot import Robot, motion_subspace
 
@@ -72,23 +72,24 @@ def bearing_forces(
             f"{', '.join(robot.redundant)} are redundant: leave out load-dependent friction",
             motors=robot.redundant,
         )
-    tree = robot.model
-    joints = numbers_of(joints, "joints", tree.njoints)
+    model = robot.model
+    joints = numbers_of(joints, "joints", model.njoints)
     if standard_parameters is not None:
-        tree = robot.tree(standard_parameters)
+        model = robot.tree(standard_parameters)
+    tree = Tree(model)
     _, dependent = partition(robot)
     units = robot.coordinate_scales[dependent]
     supports = robot.closure_frames[1]
-    moved = supports[:, [tree.joints[j].idx_v for j in joints]]
+    moved = supports[:, [model.joints[j].idx_v for j in joints]]
     # Directions (3, k) along which each slides, in its own frame.
-    subspaces = [motion_subspace(tree, j) for j in joints]
+    subspaces = [motion_subspace(model, j) for j in joints]
     slides = [S[:3, ~S[3:].any(axis=0)] for S in subspaces]
     forces = np.empty((len(motion.configurations), len(joints)))
     undetermined = np.zeros(len(joints), dtype=bool)
     for rows in blocks(len(forces)):
         q = motion.configurations[rows]
         v, a = motion.velocities[rows], motion.accelerations[rows]
-        tau, force, turn = tree_reactions(tree, q, v, a, joints)
+        tau, force, turn = tree.reactions(q, v, a, joints)
         A = robot.row_scales[:, None] * Constraint(robot, q).translation_rates(moved)
         columns = motion.projection.dependent_columns[rows]
         X = Solver.of(columns, NEAR_SINGULARITY).solve(A)

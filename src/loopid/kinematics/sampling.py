@@ -14,9 +14,8 @@ from loopid.errors import AssemblyError
 from loopid.kinematics.assembly import AssemblyOptions, follow_paths, largest_opening
 from loopid.kinematics.closing import displaced, nearby_configurations
 from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
-from loopid.kinematics.poses import prepared
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
-from loopid.records import record
+from loopid.records import derived, record
 from loopid.robot.robot import Robot
 
 SINGULARITY_THRESHOLD = 0.02
@@ -106,8 +105,7 @@ def configuration_batches(
     options = SamplingOptions() if options is None else options
     if options.singularity_threshold is None:
         options = replace(options, singularity_threshold=robot.singularity_threshold)
-    drawn = prepared(robot).drawn
-    kept = drawn.get((seed, options), ())
+    kept = _kept(robot, seed, options)
     enough = sum(map(len, kept)) >= count
     batches, found = list[FloatArray](), 0
     for batch in kept if enough else _drawn(robot, seed, options):
@@ -118,7 +116,13 @@ def configuration_batches(
         if found >= count:
             break
     if batches and not enough:
-        drawn[seed, options] = tuple(batches)
+        kept[:] = batches
+
+
+@derived
+def _kept(robot: Robot, seed: int, options: SamplingOptions) -> list[FloatArray]:
+    """Batches that were drawn before, to be filled."""
+    return []
 
 
 def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatArray]:
@@ -131,9 +135,8 @@ def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatA
     paths = AssemblyOptions(shortest_step=SHORTEST_STEP, most_steps=steps)
     spread = min(options.spread, MANY_LOOPS / max(len(robot.loops), 1))
     least = options.singularity_threshold
-    if least is None:  # where the reference hardly keeps it, poses around it do not
-        own = float(singularity_measure(robot, robot.reference[None])[0])
-        least = max(LEAST_THRESHOLD, min(SINGULARITY_THRESHOLD, 0.5 * own))
+    if least is None:
+        least = least_measure(robot)
     drawn, found, broken = 0, 0, np.zeros(robot.model.nq)
     while True:
         if drawn > options.attempts * (found + BATCH):
@@ -166,6 +169,18 @@ def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, Floa
     lower = np.where(limited[:, 0], limits[:, 0], home - width)
     upper = np.where(limited[:, 1], limits[:, 1], home + width)
     return home, lower, upper
+
+
+def least_measure(robot: Robot) -> float:
+    """Singularity measure below which poses of a robot count as near a singularity.
+
+    That of its file, else the usual one, or half of the reference's where this hardly keeps it.
+    """
+    if robot.singularity_threshold is not None:
+        return robot.singularity_threshold
+    reference = _with_regular_reference(robot).reference
+    own = float(singularity_measure(robot, reference[None])[0])
+    return max(LEAST_THRESHOLD, min(SINGULARITY_THRESHOLD, 0.5 * own))
 
 
 def _with_regular_reference(robot: Robot) -> Robot:

@@ -11,10 +11,10 @@ from numpy.polynomial import Polynomial
 
 from loopid.errors import ModelWarning, RobotFileError, warn
 from loopid.loading.description import ClosureDescription, Vector
+from loopid.numbers import FIT_ROUND_OFF
 from loopid.robot.closures import CLOSURE_KINDS, JointCoupling, LoopClosure
 from loopid.robot.robot import link_frames
 
-ROUND_OFF = 1e-10  # of linear couplings, relative to their largest coefficients
 ROUNDED = 0.1  # by which the length of a unit vector in a file may be off one
 
 
@@ -151,9 +151,9 @@ def _refuse_contradictions(where: object, couplings: list[JointCoupling]) -> Non
     offsets = np.array([c.offset / max(map(abs, c.coefficients)) for c in couplings])
     for k in range(1, len(couplings) + 1):
         name = couplings[k - 1].name
-        solution, _, rank, _ = np.linalg.lstsq(matrix[:k], offsets[:k], rcond=ROUND_OFF)
+        solution, _, rank, _ = np.linalg.lstsq(matrix[:k], offsets[:k], rcond=FIT_ROUND_OFF)
         left = np.abs(matrix[:k] @ solution - offsets[:k]).max()
-        if left > 10 * ROUND_OFF * max(1.0, np.abs(offsets).max()):
+        if left > 10 * FIT_ROUND_OFF * max(1.0, np.abs(offsets).max()):
             raise RobotFileError(
                 f"coupling {name} contradicts the ones before it: leave one of them out, those of "
                 "the tree's own file by 'remove_closures' in a YAML"

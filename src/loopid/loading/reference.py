@@ -303,6 +303,9 @@ def _open_loops(robot: Robot, q: FloatArray, given: Collection[str]) -> RobotFil
     facts["tolerance"] = tolerance = CLOSURE_TOLERANCE * robot.length
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
+    if at := {joint: x for joint, x in robot.locked.items() if x is not None}:
+        said = ", ".join(f"{joint} at {x:.6g}" for joint, x in at.items())
+        hint = f" with {said} locked: lock at values within reach, or without a value"
     if any(closure.kind == "6d" for closure in robot.closures):
         hint += " (a 6d closure aligns all axes of its frames: a pin is a hinge, a ball 3d)"
     if apart := _never_meeting(robot):

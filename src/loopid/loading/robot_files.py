@@ -10,7 +10,7 @@ from typing import Any, Unpack
 from pydantic import ConfigDict, with_config
 from typing_extensions import TypedDict
 
-from loopid.arguments import FloatArray, checked, of_user
+from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
 from loopid.loading.build import build_robot
 from loopid.loading.closure import Closure, Coupling, with_more
@@ -135,6 +135,5 @@ def _source(files: RobotFiles, reading: Reading) -> TreeSource:
                 argument=name,
                 valid=valid,
             )
-    with of_user():
-        source: TreeSource = reader(files.tree, **asked)
+    source: TreeSource = reader(files.tree, **asked)
     return source

@@ -20,6 +20,7 @@ from loopid.arguments import BoolArray, FloatArray, IntArray, finite, samples
 from loopid.errors import DataError, DataWarning, LogError, counted, first_of, warn
 from loopid.logs.signals import POSE, Channel, TimeColumn
 from loopid.logs.table import NO_STAMP, QUANTITIES, Table, numbers_in
+from loopid.numbers import ROUND_OFF
 from loopid.records import record
 
 if TYPE_CHECKING:
@@ -34,7 +35,6 @@ LEAST_ROWS = 4  # of a stream, and of a segment without gaps: shorter ones are n
 # Part of a step by which samples may be off an even grid, and are taken as they are.
 EVEN = 0.01
 MOST_NAMED = 5  # rows in a message
-ROUND_OFF = 1e-14  # of times on a grid, relative to the last
 UNIT = 0.1  # by which the length of a measured quaternion may be off one
 
 

@@ -54,6 +54,8 @@ if TYPE_CHECKING:
 # a step by which a delay of whole steps may be off one, and needs none.
 DEGREE, WHOLE = 5, 1e-6
 
+FINEST = 1e-6  # step of an encoder, relative to the range of its positions, that counts as none
+
 
 @record(checked=True)
 class ExternalWrench:
@@ -460,6 +462,13 @@ class Log(Tabular):
         if values.shape[:1] != self.time.shape:
             raise DataError(f"values must have {len(self)} rows, one a sample", argument="values")
         return np.concatenate([function(values[part], self.rate(part)) for part in self.parts()])
+
+    def step_of(self, joint: str) -> float:
+        """Least difference of positions of a motor, in m or rad; 0 where it has none."""
+        OptionError.require("motor", joint, self.joints)
+        steps = np.diff(np.unique(self.position[:, self.joints.index(joint)]))
+        steps = steps[steps > FINEST * steps.sum()]
+        return float(steps.min()) if len(steps) else 0.0
 
     def rate(self, part: slice) -> float:
         """Samples per second of a segment; 0 for a single sample."""

@@ -62,7 +62,12 @@ NEAR_SATURATION, OTHER_LIMIT = 0.01, 0.1
 IDLE, DITHER = 0.05, 0.01
 # Periods of six times the motion's band that it must be slow for to stand, not to turn back.
 STANDSTILL = 0.5
+# A motor sticks where it stays in a step of its encoder, or in the range of its noise, and goes so
+# many steps in four times as long; it does for so many samples at least.
+SOON_FAR, LEAST_STUCK = 32.0, 4
+NOISE_RANGE = 6 / (0.6745 * np.sqrt(20))  # of white noise, in medians of its third differences
 FROZEN = 20  # equal positions in a row that may be a frozen encoder
+NEAR_SINGULAR = "near a singularity"  # why samples are left out
 UNASSEMBLED = 0.5  # part of the samples whose loops may stay open
 
 
@@ -145,7 +150,8 @@ def prepare(
     for fault in misplaced_motors(robot, logged.configurations[rows], found.configurations):
         warn(f"{log.name}: {fault}", DataWarning)
     saturated = near_saturation(log, limits, lowpass)[rows]
-    idle = standing(robot, log, signals.velocity, rows, lowpass)
+    stuck = sticking(log, signals.velocity)
+    idle = standing(robot, log, signals.velocity, rows, lowpass, stuck)
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
         raise LogError(said)
@@ -161,7 +167,7 @@ def prepare(
     if lowpass is not None:
         rates = log.joints, signals.velocity, parts, tuple(map(log.rate, parts))
         slow = idle_samples(robot, log, signals.velocity, rows)
-        history = RateHistory(*rates, lowpass, slow, rows, (rows, motion))
+        history = RateHistory(*rates, lowpass, slow, stuck, rows, (rows, motion))
     recording = Recording(
         name=log.name,
         actuators=robot.independent,
@@ -433,18 +439,23 @@ def assemble_samples(
                 tolerance=UNASSEMBLED,
             )
         warn(f"{said}: left out", DataWarning)
-    regular = measure >= masks.singularity_threshold
+    least = masks.least(robot)
+    regular = measure >= least
     if not regular.all():
         near = good.copy()
         near[good] = ~regular
         good[near] = False
-        dropped.append(Dropped.at("near a singularity", time[near]))
+        dropped.append(Dropped.at(NEAR_SINGULAR, time[near]))
         said = (
             f"{log.name}: the robot is near a singularity in {_where(time, near)} (measure down to "
-            f"{measure.min():.1e}, at least {masks.singularity_threshold:g} is required)"
+            f"{measure.min():.1e}, at least {least:g} is required)"
         )
         if not good.any():
-            raise LogError(said, tolerance=masks.singularity_threshold)
+            raise LogError(
+                f"{said}: log other poses, or lower 'singularity_threshold' in the robot's YAML; "
+                "logs need a quarter of it",
+                tolerance=least,
+            )
         warn(f"{said}: left out", DataWarning)
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
 
@@ -541,20 +552,67 @@ def _where(time: FloatArray, flags: BoolArray) -> str:
 
 
 def standing(
-    robot: Robot, log: Log, velocity: FloatArray, rows: IntArray, lowpass: LowPass | None
+    robot: Robot,
+    log: Log,
+    velocity: FloatArray,
+    rows: IntArray,
+    lowpass: LowPass | None,
+    stuck: BoolArray,
 ) -> BoolArray:
     """Where each motor is at or near a standstill (K, m), of some rows (K,).
 
-    Friction can be anything while a motor stands, and the filter spreads it. A motor that turns
-    back is slow for less long: there friction shows how it builds up.
+    Friction can be anything while a motor stands or sticks (N, m), and the filter spreads it. A
+    motor that turns back smoothly is slow for less long: there friction shows how it builds up.
     """
     idle, cutoff = idle_samples(robot, log, velocity, rows), provisional_cutoff(robot, log)
     for part in log.parts():
         rate = log.rate(part)
         half = int(STANDSTILL * rate / (2 * cutoff))
         long = ~_within_reach(~idle[part], half)  # slow for a whole standstill
-        idle[part] |= _within_reach(long, half + reach_of(lowpass, rate))
+        reach = reach_of(lowpass, rate)
+        idle[part] |= _within_reach(long, half + reach) | _within_reach(stuck[part], reach)
     return idle[rows]
+
+
+def sticking(log: Log, velocity: FloatArray) -> BoolArray:
+    """Where each motor of a log sticks (N, m): it does not move at all, and soon it is far away.
+
+    A motor that turns back smoothly stays within what its encoder resolves only shortly: in four
+    times the time it goes sixteen times as far, and twice that where a step hides some of it.
+    """
+    found = np.zeros(velocity.shape, dtype=bool)
+    for k, joint in enumerate(log.joints):
+        position, speed, step = log.position[:, k], np.abs(velocity[:, k]), log.step_of(joint)
+        fast = speed >= np.percentile(speed, 99) / 2
+        changes = np.append(np.diff(position) != 0, True) & fast
+        repeats = fast.sum() / max(changes.sum(), 1)  # values may be held for some samples
+        for part in log.parts():
+            found[part, k] = _sticks(position[part], step, int(np.ceil(repeats)))
+    return found
+
+
+def _sticks(position: FloatArray, step: float, repeats: int) -> BoolArray:
+    """Where positions (N,), each repeated, stay in a step for long and are far away soon."""
+    marks = np.zeros(len(position) + 1, dtype=np.int64)
+    rough = np.abs(np.diff(position[::repeats], 3))
+    step = max(step, NOISE_RANGE * float(np.median(rough))) if len(rough) else step
+    # Ranges of windows of 1, 2, 4 ... samples; one is in the middle of one four times as long.
+    bounds, width = [(position, position)], 1
+    while 2 * width <= len(position):
+        low, high = bounds[-1]
+        longer = np.minimum(low[:-width], low[width:]), np.maximum(high[:-width], high[width:])
+        bounds, width = [*bounds[-2:], longer], 2 * width
+        own = width // 4
+        if own < LEAST_STUCK * repeats:
+            continue
+        flat = bounds[0][1] - bounds[0][0] <= (1 + EQUAL) * step
+        if not flat.any():
+            break
+        first, ways = 3 * own // 2, longer[1] - longer[0]
+        there = flat[first : first + len(ways)] & (ways > SOON_FAR * step)
+        marks[first : first + len(there)] += there
+        marks[first + own : first + own + len(there)] -= there
+    return np.asarray(np.cumsum(marks)[:-1] > 0)
 
 
 def idle_samples(robot: Robot, log: Log, velocity: FloatArray, rows: IntArray) -> BoolArray:

@@ -24,6 +24,7 @@ from loopid.arguments import (
 from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import ClosedMotion, project
+from loopid.kinematics.sampling import least_measure
 from loopid.logs.checks import frame_index
 from loopid.logs.grid import Dropped
 from loopid.logs.log import ExternalWrench, Log
@@ -37,9 +38,11 @@ from loopid.robot.robot import Robot
 # A low-pass filter of second order leaves 1 % of what a single sample or the end of a segment does
 # to a signal after this many periods of its cut-off.
 REACH = 1.0
+# Part of the singularity measure of random poses that samples of a log keep. Forces are measured,
+# so these may come nearer to where motors lose control.
+LOGGED = 0.25
 RATE_ROUNDING = 1e-3  # relative error of measured rates
 OVERSAMPLING = 5.0  # samples a period of the cut-off, at least, where filtered ones are thinned
-FINEST = 1e-6  # step of an encoder, relative to the range of its positions, that counts as none
 
 
 @record(kw_only=True, checked=True)
@@ -96,6 +99,12 @@ def reach_of(lowpass: LowPass | None, rate: float) -> int:
 class MaskOptions:
     """Which samples say nothing about the model.
 
+    Attributes
+    ----------
+    singularity_threshold : float, optional
+        Samples with a smaller singularity measure are left out; by default a quarter of what random
+        poses keep (``SamplingOptions``): 0.005, or less where the geometry hardly allows it.
+
     Examples
     --------
     >>> import loopid
@@ -103,9 +112,13 @@ class MaskOptions:
     0.02
     """
 
-    singularity_threshold: NotNegative = (
-        5e-3  # samples with a smaller singularity measure are left out
-    )
+    singularity_threshold: NotNegative | None = None
+
+    def least(self, robot: Robot) -> float:
+        """Singularity measure that samples of a robot keep."""
+        if self.singularity_threshold is None:
+            return LOGGED * least_measure(robot)
+        return self.singularity_threshold
 
 
 @record
@@ -122,6 +135,7 @@ class RateHistory:
     rates: tuple[float, ...]  # samples per second of each segment
     lowpass: LowPass
     idle: BoolArray  # (M, m), where a motor stands or turns back
+    stuck: BoolArray  # (M, m), where a motor sticks
     rows: IntArray  # (N,), which of the M samples were kept
     # Which were assembled (K,), and their motion; a part of a recording has those of all
     whole: tuple[IntArray, JointMotion]
@@ -137,6 +151,23 @@ class RateHistory:
         """Positions along each segment at a rate (M,), from wherever they start."""
         parts = zip(self.parts, self.rates, strict=True)
         return [np.cumsum(rate[part]) / frequency for part, frequency in parts]
+
+    def bridged(self, joint: str, signal: FloatArray) -> FloatArray:
+        """Friction (M,) of a joint, on a line while a motor sticks.
+
+        There the motor's force decides what it is. It goes from that of the motion before to that
+        of the motion after.
+        """
+        if joint not in self.joints:
+            return signal
+        stuck, rows = self.stuck[:, self.joints.index(joint)], np.arange(len(signal))
+        if stuck.all() or not stuck.any():
+            return signal
+        return np.interp(rows, rows[~stuck], signal[~stuck])
+
+    def directions(self, joint: str) -> FloatArray:
+        """Signs (M,) of the rate of a motor, as friction follows them."""
+        return self.bridged(joint, np.sign(self.velocity[:, self.joints.index(joint)]))
 
     def of_motion(self, robot: Robot, signal: Callable[[ClosedMotion], FloatArray]) -> FloatArray:
         """A signal (M,) of the whole motion, between assembled samples on a line."""
@@ -275,17 +306,14 @@ class Recording(Tabular):
         for joint, column in zip(self.actuators, found.T, strict=True):
             if history is not None and joint in history.joints:
                 own = history.joints.index(joint)
-                sign = np.sign(history.velocity[:, own])
-                column[:] = history.lowpassed(sign * history.idle[:, own])
+                column[:] = history.lowpassed(history.directions(joint) * history.idle[:, own])
         return found
 
     def step_of(self, joint: str) -> float:
         """Least difference of positions of a motor in the log, in m or rad; 0 where it has none."""
         if self.log is None or joint not in self.log.joints:
             return 0.0
-        steps = np.diff(np.unique(self.log.position[:, self.log.joints.index(joint)]))
-        steps = steps[steps > FINEST * steps.sum()]
-        return float(steps.min()) if len(steps) else 0.0
+        return self.log.step_of(joint)
 
     @property
     def open_cutoff(self) -> bool:

@@ -16,11 +16,11 @@ from pydantic import Field
 
 from loopid.arguments import MOST_SAMPLES, FloatArray, Positive, checked, finite, shaped
 from loopid.errors import DataError
+from loopid.numbers import SUM_ROUND_OFF
 from loopid.records import Tabular, columns_of, record
 
 # Rate and acceleration at the ends, as parts of the largest terms, that count as rest.
 REST = 1e-9
-ROUND_OFF = 1e-12  # of a number of samples: a whole one is meant
 
 
 @record(checked=True)
@@ -84,7 +84,7 @@ def _sample_times(duration: float, rate: float) -> FloatArray:
             f"{duration:g} s at {rate:g} Hz are {duration * rate:.3g} samples, more than the "
             f"{MOST_SAMPLES:,} that a motion may have"
         )
-    steps = int(np.floor(duration * rate * (1 + ROUND_OFF)))
+    steps = int(np.floor(duration * rate * (1 + SUM_ROUND_OFF)))
     return np.arange(steps + 1) / rate
 
 

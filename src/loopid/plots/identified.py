@@ -24,7 +24,7 @@ from loopid.identification.log_mistakes import LogFaults
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD
 from loopid.logs.recording import Recording
-from loopid.numbers import NORMAL_95, number, with_error
+from loopid.numbers import NORMAL_95, SUM_ROUND_OFF, number, with_error
 from loopid.parameters import KINDS, Parameter
 from loopid.plots.chart import Chart, Mark, Panel, forest, segments
 from loopid.plots.pictures import motors_panel, numbered, of_motor
@@ -33,7 +33,6 @@ from loopid.regressors.joint_laws import grouped, joint_term
 from loopid.robot.robot import Robot
 
 MOST, ROOM = 0.95, 1.3  # quantile of the friction's band, and times that, that an axis shows
-ROUND_OFF = 1e-12  # of a value of the file that is 0
 MOST_CHANGE = 200.0  # % from the robot file, at which charts are cut
 CURVE_POINTS = 50  # of a friction curve on either side of standstill
 DOTS = 240  # of the forces that it explains
@@ -262,7 +261,7 @@ def parameters_chart(found: Identification) -> Chart:
 def file_values(found: Identification) -> dict[str, str]:
     """Values of bodies by the robot file, by the names of the fit's parameters."""
     model = found.force_model
-    prior = np.where(np.abs(model.prior) > ROUND_OFF, model.prior, 0.0).tolist()
+    prior = np.where(np.abs(model.prior) > SUM_ROUND_OFF, model.prior, 0.0).tolist()
     return {found.fit.parameters.names[j]: number(prior[j]) for j in model.body_columns}
 
 

@@ -246,6 +246,9 @@ class _Memory(threading.local):
     positions: FloatArray
     slips: FloatArray
 
+    def __reduce__(self) -> tuple[type[_Memory], tuple[()]]:
+        return _Memory, ()
+
 
 @checked_late
 class Dynamics:
@@ -378,12 +381,6 @@ class Dynamics:
         self._leading, self._leading_terms = leading[self._own], leading[self._places] - count
         links = [each.link for each in self._terms.parameters(robot)]
         self._joints = robot.velocity_indices(links)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: own for name, own in vars(self).items() if name != "_memory"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state, _memory=_Memory())
 
     def __repr__(self) -> str:
         return f"Dynamics of {self.robot.name}: {', '.join(self.robot.independent)}"

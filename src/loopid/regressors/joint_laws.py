@@ -292,7 +292,7 @@ class JointTermRegistry(Registry[JointTerm]):
         ----------
         name : str
             The kind: letters, digits and signs, and for a law with a number ``~RATE`` or
-            ``@POSITION`` at its end.
+            ``@POSITION`` or ``@DISPLACEMENT`` at its end.
         entry : JointTerm
 
         Raises
@@ -322,7 +322,7 @@ class JointTermRegistry(Registry[JointTerm]):
 
 # Words of a choice of terms, and what a kind may look like.
 WORDS = "file", "none", "passive", "auto"
-KIND = re.compile(r"[A-Za-z][A-Za-z0-9+-]*(~RATE|@POSITION)?")
+KIND = re.compile(r"[A-Za-z][A-Za-z0-9+-]*(~RATE|@POSITION|@DISPLACEMENT)?")
 # A joint that a law is tried with.
 TRIED = {"position": (-0.4, 0.1, 0.7), "rate": (0.5, -1.0, 0.2), "acceleration": (1.0, 0.3, -2.0)}
 TRIED |= {"load": (3.0, 1.0, 2.0), "torque": (1.0, 4.0, 2.0)}
@@ -392,7 +392,7 @@ for _kind, _term in {
         most=MOST_LOST,
         prior=LOAD,
     ),
-    "Fh@POSITION": JointTerm(
+    "Fh@DISPLACEMENT": JointTerm(
         "hysteresis",
         ("N", "N m"),
         lambda joint, at: joint.slip(at) - joint.sign(),
@@ -425,7 +425,7 @@ for _kind, _term in {
     ),
 }.items():
     JOINT_TERMS.register(_kind, _term)
-MARKS = {"~": "RATE", "@": "POSITION"}
+MARKS = "~", "@"
 
 
 def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
@@ -434,7 +434,7 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
         return JOINT_TERMS.found[kind]
     mark = next((mark for mark in MARKS if mark in kind), "")
     stem, _, number = kind.partition(mark) if mark else (kind, "", "")
-    name = stem + mark + MARKS.get(mark, "")
+    name = next((known for known in JOINT_TERMS if mark and known.startswith(stem + mark)), kind)
     if name not in JOINT_TERMS:
         raise OptionError.unknown("joint term", kind, (*JOINT_TERMS, *others))
     term = JOINT_TERMS[name]

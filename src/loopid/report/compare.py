@@ -12,7 +12,8 @@ from loopid.errors import DataError, OptionError, counted
 from loopid.identification.result import Fit
 from loopid.identification.saved import FitFile
 from loopid.plots.pictures import alone, comparison_chart
-from loopid.report.look import json_fields, json_value, table_of
+from loopid.records import json_value
+from loopid.report.look import json_fields, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
 
 NAMED = 3  # parameters that a cell names
@@ -41,11 +42,16 @@ def comparison_report(files: dict[str, FitFile]) -> Report:
     Raises
     ------
     OptionError
-        When there are fewer than two.
+        When there are fewer than two, or they have no parameter in common.
     """
     if len(files) < 2:
         raise OptionError(f"two fits or more can be compared, not {len(files)}", given=len(files))
     fits = {name: Fit(**file.estimates) for name, file in files.items()}
+    if not set.intersection(
+        *({each.expression for each in fit.estimates} for fit in fits.values())
+    ):
+        of = ", ".join(f"{name} is of {file.robot['name']}" for name, file in files.items())
+        raise OptionError(f"fits without a parameter in common: {of}; compare those of one robot")
     pairs = _pairs(files, fits)
     record = _record(files, fits, pairs)
     shown = {each.expression for fit in fits.values() for each in alone(fit)}

@@ -14,7 +14,8 @@ from loopid.motion.files import motion_text
 from loopid.numbers import number
 from loopid.plots.excitation import errors_chart, motion_chart
 from loopid.plots.structure import force_unit, robot_chart
-from loopid.report.look import json_fields, json_value, plain_table, table_of
+from loopid.records import json_value
+from loopid.report.look import json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, panel_table
 
 NAME = "excitation"  # of the motion in its file

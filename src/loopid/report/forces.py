@@ -14,13 +14,15 @@ from loopid.arguments import FloatArray, checked
 from loopid.diagnosis.gains import GainFit
 from loopid.diagnosis.payload import MotorMasses, PayloadFit
 from loopid.errors import RankError, counted
+from loopid.identification.outcome import ROUGH
 from loopid.identification.prediction import Prediction
-from loopid.identification.verdict import GOOD, ROUGH
+from loopid.identification.verdict import GOOD
 from loopid.numbers import interval, number, with_error
 from loopid.plots.chart import Chart, Mark
 from loopid.plots.pictures import forces_chart, motors_panel, numbered
 from loopid.plots.structure import force_unit, robot_chart
-from loopid.report.look import json_fields, json_value, table_of
+from loopid.records import json_value
+from loopid.report.look import json_fields, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
 from loopid.robot.robot import Robot
 

@@ -12,18 +12,21 @@ from loopid.errors import DataWarning, OptionError, counted, warn
 from loopid.identification.candidate import Candidate
 from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
-from loopid.identification.plausibility import require_sane
+from loopid.identification.outcome import ROUGH
+from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.prediction import Prediction, prediction_reach
+from loopid.identification.result import RECOMMENDED
 from loopid.identification.saved import as_file
 from loopid.identification.unseen import WHERE
-from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
+from loopid.identification.verdict import GOOD, NOT_FIT, Verdict
 from loopid.logs.recording import Recording
 from loopid.numbers import interval, number, root, with_error
 from loopid.parameters import KINDS
 from loopid.plots import identified as charts
 from loopid.plots.pictures import alone, forces_chart
 from loopid.plots.structure import force_unit, robot_chart
-from loopid.report.look import json_fields, json_value, plain_table, table_of
+from loopid.records import json_value
+from loopid.report.look import json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 
 # Values that the terminal shows where they do not fit in two columns.
@@ -213,16 +216,16 @@ def _unidentified_table(found: Identification) -> Table:
 
 
 def _fits(found: Identification, record: dict[str, Any], anyway: bool) -> dict[str, bytes | str]:
-    """The recommended fit, unless it breaks a law, and that of all parameters where it is another.
+    """The recommended fit, if it is fit for use, and that of all parameters where it is another.
 
     That one may break laws: its file says which, and controllers refuse it.
     """
     try:
-        require_sane(found.fit, anyway)
+        require_fit_for_use(found.fit, anyway)
     except OptionError as refused:
         warn(f"parameters.yaml is not written: {refused}", DataWarning)
         return {}
-    files: dict[str, bytes | str] = {"parameters.yaml": as_file(record["fit"])}
+    files: dict[str, bytes | str] = {RECOMMENDED: as_file(record["fit"])}
     if found.recommended is not found["all parameters"]:
         files["all_parameters.yaml"] = as_file(record["all_parameters"])
     return files

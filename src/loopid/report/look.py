@@ -9,10 +9,8 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
 from typing import Any
 
-import numpy as np
 from rich import box
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
@@ -22,6 +20,7 @@ from rich.text import Text
 
 from loopid.errors import one_line, short_name
 from loopid.numbers import number
+from loopid.records import json_value
 
 SHORTEST = 12  # columns that a name is shortened to, if at all
 WIDEST = 18  # columns of a heading's word, about those of a value with its deviation
@@ -133,21 +132,6 @@ def json_text(record: Any) -> str:
 def json_fields(thing: object, *names: str) -> dict[str, Any]:
     """Attributes by name, ready for JSON."""
     return {name: json_value(getattr(thing, name)) for name in names}
-
-
-def json_value(value: Any) -> Any:
-    """Lists, dicts of records' fields, numbers, texts; null for infinity and NaN."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {key: json_value(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [json_value(each) for each in value]
-    if is_dataclass(value):
-        return json_fields(value, *(each.name for each in fields(value)))
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def rounded(value: Any) -> Any:

@@ -24,8 +24,8 @@ from loopid.arguments import Number
 from loopid.errors import counted
 from loopid.findings import Finding, most_important_first
 from loopid.plots.chart import Chart, E, Panel, in_parts, short_or_whole, unfolding
-from loopid.records import record
-from loopid.report.look import json_text, json_value, plain_table, rounded
+from loopid.records import json_value, record
+from loopid.report.look import json_text, plain_table, rounded
 
 LIBRARIES = "loopid", "pin", "numpy", "scipy"
 VERSION = 1  # of the records' forms, which ``schema.py`` states: a new one where programs notice

@@ -23,9 +23,10 @@ from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singul
 from loopid.loading.checks import inertia_defects, odd_masses, place_of_motors, unequal_links
 from loopid.numbers import number
 from loopid.plots.structure import robot_chart, search_chart
+from loopid.records import json_value
 from loopid.regressors.file_forces import file_forces
 from loopid.regressors.joint_terms import OF_FILE
-from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
+from loopid.report.look import facts, json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.robot.closures import JointCoupling
 from loopid.robot.robot import Robot, shortened

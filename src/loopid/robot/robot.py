@@ -49,6 +49,32 @@ NO_LIMIT = 1e100  # readers write the largest float where a file gives no limit
 LISTED = 8  # names in a sentence
 
 
+class Memory(threading.local):
+    """Pinocchio's data of a model, one for each thread; copies begin with new ones."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.model, self.data = model, model.createData()
+        self.placed = _placed(self.data)
+
+    def __reduce__(self) -> tuple[type[Memory], tuple[pin.Model]]:
+        return Memory, (self.model,)
+
+
+def _placed(data: pin.Data) -> FloatArray:
+    """All frames in Pinocchio's memory (nframes, 12), so that no object is made at a sample.
+
+    The columns of the rotation, then the origin: ``data.oMf`` is a C++ vector of these.
+    """
+    rotation = data.oMf[0].rotation
+    parts = [(each.rotation, each.translation) for each in data.oMf]
+    addresses = np.array([[part.ctypes.data for part in each] for each in parts])
+    step = (addresses[-1, 0] - addresses[0, 0]) // max(len(parts) - 1, 1)
+    found = addresses - addresses[0, 0] - step * np.arange(len(parts))[:, None]
+    assert np.all(found == (0, rotation.nbytes)), "Pinocchio keeps frames in another way"
+    shape, strides = (len(parts), 12), (step, rotation.itemsize)
+    return np.lib.stride_tricks.as_strided(rotation, shape, strides, writeable=False)
+
+
 @record(checked=True)
 class Body:
     """A rigid body that carries parameters: all the links fixed to one joint.
@@ -472,9 +498,14 @@ class Robot:
         return tuple(loops)
 
     @cached_property
+    def memory(self) -> Memory:
+        """Pinocchio's memory of the tree."""
+        return Memory(self.model)
+
+    @cached_property
     def length(self) -> float:
         """Characteristic length in m: the widest distance between joints at the reference."""
-        data = scratch_data(self.model)
+        data = self.memory.data
         pin.forwardKinematics(self.model, data, self.reference)
         points = np.array([placement.translation for placement in list(data.oMi)[1:]])
         spread = np.linalg.norm(points[:, None] - points[None], axis=2)
@@ -726,23 +757,12 @@ def coordinate_names(name: str, joint: pin.JointModel) -> tuple[str, ...]:
     return tuple(f"{name}.{part}" for part in COMPONENTS.get(joint.shortname(), numbered))
 
 
-_thread = threading.local()
-
-
 def motion_subspace(model: pin.Model, joint: int) -> FloatArray:
     """Velocity (6, nv) of a joint at its neutral position, in its own frame, linear first."""
     own = model.joints[joint]
     data = own.createData()
     own.calc(data, pin.neutral(model))
     return np.asarray(data.S, dtype=np.float64).reshape(6, -1)
-
-
-def scratch_data(model: pin.Model) -> pin.Data:
-    """Per-thread cached data of the last model: large ones take long to make."""
-    if getattr(_thread, "model", None) is not model:
-        _thread.model, _thread.data = model, model.createData()
-    data: pin.Data = _thread.data
-    return data
 
 
 def link_frames(model: pin.Model) -> dict[str, int]:

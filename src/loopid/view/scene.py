@@ -14,7 +14,7 @@ from loopid.kinematics.closing import assembly_modes
 from loopid.kinematics.constraint import scaled_residual
 from loopid.kinematics.projection import singularity_measure
 from loopid.records import record
-from loopid.robot.robot import Robot, scratch_data
+from loopid.robot.robot import Robot
 
 PARTS = 16  # of a way that leads out of reach: the robot goes as far as whole parts lead
 APART = 0.01  # points of a link nearer to each other, in characteristic lengths, are one
@@ -179,7 +179,7 @@ def placed(
 
     A joint that slides is in the middle of its rod: at its ends are other joints.
     """
-    data = scratch_data(robot.model)
+    data = robot.memory.data
     pin.framesForwardKinematics(robot.model, data, configuration)
     places, frames = list(data.oMi), [data.oMf[k].translation for k in robot.closure_frames[0]]
     points = [places[joint].act(point) for rod in rods for joint, point in rod]
