@@ -1,7 +1,7 @@
 """Arguments of public functions against their annotations: one case a type."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from inspect import unwrap
 from pathlib import Path
 from typing import Literal
@@ -228,3 +228,27 @@ def test_calls_of_a_sample_are_looked_at_where_they_fail():
         gain.of(np.ones(2), limit="nonsense")
     with pytest.raises(ArithmeticError, match="beyond the limit"):  # of right arguments its own
         gain.of(np.full(2, 20.0))
+
+
+OPTIONS = [
+    loopid.kinematics.AssemblyOptions,
+    loopid.kinematics.SamplingOptions,
+    loopid.logs.FilterOptions,
+    loopid.logs.MaskOptions,
+    loopid.control.LoopOptions,
+    loopid.base_parameters.SearchOptions,
+    loopid.base_parameters.SubgroupSearch,
+    loopid.motion.Noise,
+    loopid.excitation.MotionLimits,
+    loopid.DesignOptions,
+    loopid.FitOptions,
+]
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("bad", [-1, -0.5, np.nan, np.inf, "?", [0.1]], ids=repr)
+def test_options_refuse_what_means_nothing(options, bad):
+    for field in fields(options):
+        if field.type != "bool":
+            with pytest.raises(LoopidError, match=field.name.removesuffix("s")):
+                options(**{field.name: bad})

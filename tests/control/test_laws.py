@@ -19,7 +19,7 @@ from loopid.control import (
     Signals,
 )
 from loopid.control.simulation import DryFriction, _slowed
-from loopid.errors import OptionError
+from loopid.errors import LoopidError, OptionError
 
 BODY = np.array([2.0, 0.2, -0.1, 0.3, 0.06, 0.01, 0.08, 0.0, 0.0, 0.05])
 
@@ -66,6 +66,19 @@ def test_adaptation_follows_its_gradient_in_the_given_columns(five_bar):
     change = 0.1 * np.array([1.0, 2.0, 0.0, 3.0]) * (B.T @ K.T @ s)
     assert np.allclose(law.values, model.values + B @ change)
     assert np.allclose(force, K @ law.values)
+
+
+@pytest.mark.parametrize("bad", [np.zeros(3), np.full(2, np.nan), "x", None])
+@pytest.mark.parametrize("law", [PID(1.0, 1.0), Controller(PID(1.0, 1.0))])
+def test_signals_and_references_of_users_are_looked_at(law, bad):
+    still = np.zeros(2)
+    for given in ((bad, still, still), (still, bad, still)):
+        with pytest.raises(LoopidError, match=r"(position|velocity) of the reference must"):
+            law.force(Signals(still, still, still), Reference(*given))
+    with pytest.raises(OptionError, match="reference must be of type Reference, not tuple"):
+        law.force(Signals(still, still, still), (still, still, still))
+    with pytest.raises(OptionError, match="laws"):
+        Controller(bad)
 
 
 def test_velocities_under_friction_minimise_their_energy():

@@ -354,3 +354,9 @@ def test_without_other_word_noise_is_a_share_of_the_forces(full):
     shares = one.noise / np.sqrt((one.forces**2).mean(axis=0))
     assert (shares > 0.01 / 3).all()
     assert (shares < 0.01 * 3).all()
+
+
+@pytest.mark.parametrize("size", [0, -1.0, np.nan, np.inf, "1"])
+def test_noise_that_is_none_is_refused_by_its_joint(size):
+    with pytest.raises(OptionError, match=r"noise must be a number above 0, not .* of elbow"):
+        DesignOptions(noise={"elbow": size})

@@ -170,3 +170,17 @@ def test_notebooks_show_tables(crank_model):
     html = crank_model.robot._repr_html_()
     assert (html.count("<tr>"), html.count("<td>")) == (5, 20)
     assert "left_coupler_joint" in html
+
+
+@pytest.mark.parametrize("text", ["Fk0~0.1=2,Fc=1,Ks=3,Fv=4", "Ft=1,Fh@0.01=2,Fv=3"])
+def test_parameters_are_in_the_order_in_which_terms_were_given(load_once, text):
+    """So that values of the bodies, then of the terms, are those of the model."""
+    robot = load_once("five_bar")
+    terms, values = JointTerms.with_values(robot, text)
+    model = loopid.force_model(robot, "full", terms)
+    labels = robot.parameters("full").labels + terms.parameters(robot).labels
+    assert model.base.parameters.labels == labels
+    found = model.base.values(np.concatenate([robot.standard_parameters(), values]))
+    own = dict(zip(labels[-len(values) :], values, strict=True))
+    kept = dict(zip(model.parameters.labels, found, strict=True))
+    assert {label: kept[label] for label in own} == pytest.approx(own)

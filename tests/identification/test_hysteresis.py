@@ -76,11 +76,20 @@ def test_what_an_encoder_does_not_resolve_says_nothing_of_friction(robot):
         assert set(kinds) == set(robot.actuated)
         least.append(min(joint_term(kind).at for own in kinds.values() for kind in own))
         slowest.append(motor_use(model, data, [run]).slowest.min())
+        assert (motor_use(model, data, [run]).slowest >= idle_speeds(robot, run)).all()
         assert least[-1] > 3 * step
         assert slowest[-1] >= 3 * step * run.cutoff * (1 - 1e-9)
         assert run.step_of(robot.actuated[0]) == pytest.approx(step, abs=1e-5)
     assert least[0] < least[1] < least[2]
     assert slowest[0] < slowest[2]
+
+
+def idle_speeds(robot, run):
+    """Of motors that turn back: what the filter mixes then is no curve."""
+    speeds = np.array([run.idle_speed(joint) for joint in robot.actuated])
+    usual = np.percentile(np.abs(run.motion.velocities), 99, axis=0)
+    np.testing.assert_allclose(speeds, 0.05 * usual, rtol=0.1)
+    return speeds
 
 
 def error_on(model, values, run):

@@ -351,7 +351,7 @@ class PivotedQR(SearchStrategy):
         return self._result(problem, dependent, certified=False, evaluated=1)
 
 
-@record
+@record(checked=True)
 class KeptChoice(SearchStrategy):
     """Take the dependent parameters of another choice, by their labels: nothing is searched."""
 

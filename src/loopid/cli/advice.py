@@ -36,6 +36,7 @@ RENAMED = {
     "forces": "max_force",
     "mass": "known_mass",
     "references": "reference",
+    "condition_limit": "cond_limit",
 }
 
 # Options of ``excite`` that other commands have in the same sense.

@@ -73,6 +73,7 @@ class Law(Protocol):
         ...  # pragma: no cover
 
 
+@checked
 class Controller:
     """A sum of laws.
 
@@ -136,12 +137,26 @@ class PID:
 
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
         """Forces (dof,)."""
-        error = reference.position - signals.position
+        error = _apart("position", signals, reference)
+        rate = _apart("velocity", signals, reference)
         self.sum = self.sum + self.interval * error
-        rate = reference.velocity - signals.velocity
         return np.asarray(
             self.proportional * error + self.derivative * rate + self.integral * self.sum
         )
+
+
+def _apart(what: str, signals: Signals, reference: Reference) -> FloatArray:
+    """The error (dof,) of positions or velocities."""
+    required = finite(getattr(reference, what), f"{what} of the reference")
+    measured = finite(getattr(signals, what), f"{what} of the signals")
+    if required.shape != measured.shape:
+        raise DataError(
+            f"{what} of the reference must have shape {measured.shape} as of the signals, not "
+            f"{required.shape}",
+            argument="reference",
+            given=required.shape,
+        )
+    return required - measured
 
 
 @checked

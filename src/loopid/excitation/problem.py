@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from importlib.util import find_spec
+from math import isfinite
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -101,7 +102,7 @@ class DesignOptions:
     size: Annotated[int, Field(ge=2, le=MOST_SIZE)] | None = None
     duration: Positive | None = None
     rate: Positive = 100.0
-    noise: float | Mapping[str, float] | None = None
+    noise: Positive | Mapping[str, Any] | None = None
     noise_share: Positive = 0.01
     starts: Annotated[int, Field(ge=1)] = 4
     evaluations: Annotated[int, Field(ge=0)] = 400
@@ -116,11 +117,14 @@ class DesignOptions:
             ("solver", self.solver or "slsqp", SOLVERS),
         ):
             OptionError.require(what, given, choices)
-        noise = self.noise.values() if isinstance(self.noise, Mapping) else [self.noise]
-        if not all(each is None or each > 0 for each in noise):
-            raise OptionError(
-                f"noise must be above 0, not {self.noise}", argument="noise", given=self.noise
-            )
+        each = self.noise if isinstance(self.noise, Mapping) else {}
+        for joint, size in each.items():
+            if not (isinstance(size, int | float) and isfinite(size) and size > 0):
+                raise OptionError(
+                    f"noise must be a number above 0, not {size!r:.60} of {joint}",
+                    argument="noise",
+                    given=self.noise,
+                )
 
 
 def follow(

@@ -298,13 +298,16 @@ class ForceModel:
                 found = force_model(self.robot, self.model, terms)
         return replace(found, automatic=self.automatic)
 
-    def with_columns(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
+    def with_columns(
+        self, kinds: Mapping[str, tuple[str, ...]], ordered: JointTerms | None = None
+    ) -> ForceModel:
         """The same model with further joint terms as columns of their own, after the others.
 
         They may be nearly the same, such as two rates of Stribeck friction. What is separated is
-        for the data to say. Its structure is that of this model.
+        for the data to say. Its structure is that of this model. Its standard parameters are in the
+        order of all terms, if these are given.
         """
-        terms, base = (self.joint_terms or JointTerms(())).joined(kinds), self.base
+        terms, base = ordered or (self.joint_terms or JointTerms(())).joined(kinds), self.base
         bodies = base.parameters.select(range(len(base.parameters) - len(self.joint_values)))
         every = bodies + terms.parameters(self.robot)
         places = {label: j for j, label in enumerate(every.labels)}
@@ -559,7 +562,7 @@ def force_model(
                 ModelWarning,
             )
     found = ForceModel(robot, model, plain, base, automatic)
-    return found.with_columns(others) if others else found
+    return found.with_columns(others, joint_terms) if others else found
 
 
 @checked

@@ -73,7 +73,8 @@ def motor_use(
             joints.append(joint)
             slowest, fastest = np.percentile(velocity[used, row], [SLOWEST, 100.0])
             error = RESOLVED * max(run.step_of(joint) * (run.cutoff or 0.0) for run in recordings)
-            rates = min(max(MIXED * slowest, error), fastest), fastest
+            rest = max(run.idle_speed(joint) for run in recordings)
+            rates = min(max(MIXED * slowest, error, rest), fastest), fastest
             most = np.abs(data.force[data.used[:, row], row]).max()
             found.append([*rates, loads[used, row].mean(), most])
     return MotorUse(tuple(joints), *np.array(found).reshape(-1, 4).T)

@@ -70,7 +70,7 @@ class MotorGain:
     gain : float
         1 where they agree, negative where it points the other way.
     interval : tuple of float
-        Of 95 %.
+        Of 95 %, for bodies that may be off by half.
     """
 
     joint: str

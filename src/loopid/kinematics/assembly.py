@@ -18,6 +18,7 @@ from dataclasses import field
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from loopid.arguments import (
     NOT_EMPTY,
@@ -25,6 +26,7 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     NotNegative,
+    Positive,
     checked,
     one_as_many,
     rectangular,
@@ -79,10 +81,10 @@ class AssemblyOptions:
     """
 
     tolerance: NotNegative = CLOSURE_TOLERANCE
-    shortest_step: float = 2.0**-12
-    most_steps: float = 1e6
-    short: float = 1e-8
-    rough: float = 1e-3
+    shortest_step: Annotated[float, Field(gt=0, le=1)] = 2.0**-12
+    most_steps: Annotated[float, Field(ge=1)] = 1e6
+    short: Positive = 1e-8
+    rough: Positive = 1e-3
 
 
 USUAL = AssemblyOptions()

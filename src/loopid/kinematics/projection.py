@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetri
@@ -21,7 +20,7 @@ from loopid.errors import AccuracyWarning, DataError, MobilityError, Singularity
 from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
 from loopid.kinematics.poses import blocks, prepared
 from loopid.records import derived, read_only, record
-from loopid.robot.robot import RANK_TOLERANCE, Robot, connected
+from loopid.robot.robot import RANK_TOLERANCE, Robot
 
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
 NEAR_SINGULARITY = 1e-3
@@ -33,29 +32,15 @@ CLOSES = "loopid.kinematics.closed_configurations(robot, q) closes it where its 
 OTHERWISE = (
     "loopid.Dynamics(robot).pose(u).q is closed, for positions u of the independent coordinates"
 )
-LARGE = 400  # entries of a matrix that is worth looking at for blocks
-
-
-class _Block(NamedTuple):
-    """L blocks of one shape of N matrices, with their singular value decompositions."""
-
-    rows: IntArray  # (L, r)
-    columns: IntArray  # (L, c)
-    left: FloatArray  # (N, L, r, k)
-    values: FloatArray  # (N, L, k)
-    right: FloatArray  # (N, L, k, c)
 
 
 @record
 class Factorisation:
-    """Singular value decompositions of N matrices (N, m, n), for repeated solves.
+    """Singular value decompositions of N matrices (N, m, n), for repeated solves."""
 
-    Large matrices fall apart into the blocks of loops that have no coordinates in common.
-    """
-
-    blocks: tuple[_Block, ...]
-    width: int  # n
+    left: FloatArray  # (N, m, k)
     values: FloatArray  # (N, k), singular values, descending
+    right: FloatArray  # (N, k, n)
     rank: IntArray  # (N,)
     least: FloatArray  # (N,), the values up to which they count as zero
     tolerance: float = RANK_TOLERANCE  # these relative to the largest value
@@ -63,69 +48,33 @@ class Factorisation:
     @classmethod
     def of(cls, matrices: FloatArray, tolerance: float = RANK_TOLERANCE) -> Factorisation:
         """Factor a stack of matrices."""
-        parts = []
-        for rows, columns in _independent_blocks(matrices):
-            block = matrices[:, rows[:, :, None], columns[:, None, :]]
-            parts.append(_Block(rows, columns, *np.linalg.svd(block, full_matrices=False)))
-        spectra = [part.values.reshape(len(matrices), -1) for part in parts]
-        values = -np.sort(-np.concatenate([np.empty((len(matrices), 0)), *spectra], axis=1), axis=1)
+        left, values, right = np.linalg.svd(matrices, full_matrices=False)
         least = tolerance * values[:, :1].max(axis=1, initial=0.0)
         rank = (values > least[:, None]).sum(axis=1)
-        return cls(tuple(parts), matrices.shape[2], values, rank, least, tolerance)
+        return cls(left, values, right, rank, least, tolerance)
 
     @property
     def least_over_largest(self) -> FloatArray:
         """Ratio (N,) of the n-th singular value to the first; 1 without columns."""
-        count, found = self.values.shape
-        if self.width == 0:
+        (count, found), width = self.values.shape, self.right.shape[2]
+        if width == 0:
             return np.ones(count)
-        if found < self.width:
+        if found < width:
             return np.zeros(count)
         largest = np.maximum(self.values[:, 0], np.finfo(float).tiny)
-        return np.asarray(self.values[:, self.width - 1] / largest, dtype=np.float64)
+        return np.asarray(self.values[:, width - 1] / largest, dtype=np.float64)
 
     def solve(self, right_hand_sides: FloatArray, damping: FloatArray | None = None) -> FloatArray:
         """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c).
 
         With a damping (N,) the steps of Levenberg and Marquardt, (AᵀA + d² I)⁻¹ Aᵀ b.
         """
-        count, _, width = right_hand_sides.shape
-        solutions = np.zeros((count, self.width, width))
-        for rows, columns, left, values, right in self.blocks:
-            values = np.where(values > self.least[:, None, None], values, np.inf)
-            inverse = 1.0 / values
-            if damping is not None:
-                inverse = 1.0 / (values + damping[:, None, None] ** 2 / values)
-            projected = left.swapaxes(2, 3) @ right_hand_sides[:, rows]
-            solutions[:, columns] = right.swapaxes(2, 3) @ (inverse[..., None] * projected)
-        return solutions
-
-
-def _independent_blocks(matrices: FloatArray) -> list[tuple[IntArray, IntArray]]:
-    """Rows (L, r) and columns (L, c) of the blocks that matrices (N, m, n) consist of, by shape."""
-    _, m, n = matrices.shape
-    if 0 in matrices.shape:
-        return []
-    if m * n < LARGE:
-        return [(np.arange(m)[None], np.arange(n)[None])]
-    return _blocks_of((matrices != 0.0).any(axis=0).tobytes(), m, n)
-
-
-@lru_cache(maxsize=64)
-def _blocks_of(nonzero: bytes, m: int, n: int) -> list[tuple[IntArray, IntArray]]:
-    """As ``_independent_blocks``, for a sparsity pattern; cached, as a robot's rarely changes."""
-    pattern = np.frombuffer(nonzero, dtype=bool).reshape(m, n)
-    links = np.zeros((m + n, m + n), dtype=bool)
-    links[:m, m:], links[m:, :m] = pattern, pattern.T
-    shapes: dict[tuple[int, int], list[tuple[IntArray, IntArray]]] = {}
-    for group in connected(links):
-        rows, columns = group[group < m], group[group >= m] - m
-        if len(rows) and len(columns):
-            shapes.setdefault((len(rows), len(columns)), []).append((rows, columns))
-    return [
-        (np.stack([rows for rows, _ in same]), np.stack([columns for _, columns in same]))
-        for same in shapes.values()
-    ]
+        values = np.where(self.values > self.least[:, None], self.values, np.inf)
+        inverse = 1.0 / values
+        if damping is not None:
+            inverse = 1.0 / (values + damping[:, None] ** 2 / values)
+        projected = self.left.swapaxes(1, 2) @ right_hand_sides
+        return np.asarray(self.right.swapaxes(1, 2) @ (inverse[:, :, None] * projected))
 
 
 @dataclass(eq=False)
@@ -195,23 +144,8 @@ def _square_norms(matrices: FloatArray) -> FloatArray:
 
 def null_space(matrix: FloatArray, tolerance: float = RANK_TOLERANCE) -> FloatArray:
     """Orthonormal basis (n, d) of the null space of one matrix (m, n)."""
-    columns = matrix.shape[1]
-    if matrix.shape[0] == 0:
-        return np.eye(columns)
-    spaces, most = list[tuple[IntArray, FloatArray, FloatArray]](), 0.0
-    free = np.ones(columns, dtype=bool)
-    for all_rows, all_columns in _independent_blocks(matrix[None]):
-        for rows, own in zip(all_rows, all_columns, strict=True):
-            _, values, right = np.linalg.svd(matrix[np.ix_(rows, own)])
-            spaces.append((own, values, right))
-            free[own], most = False, max(most, values.max(initial=0.0))
-    basis = [np.eye(columns)[:, free]]
-    for own, values, right in spaces:
-        kept = right[int((values > tolerance * most).sum()) :]
-        part = np.zeros((columns, len(kept)))
-        part[own] = kept.T
-        basis.append(part)
-    return np.concatenate(basis, axis=1)
+    _, values, right = np.linalg.svd(matrix)
+    return np.asarray(right[int((values > tolerance * values.max(initial=0.0)).sum()) :].T)
 
 
 def least_over_largest(matrices: FloatArray) -> FloatArray:

@@ -9,7 +9,15 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import MOST_SAMPLES, Count, FloatArray, checked, frozen, random_generator
+from loopid.arguments import (
+    MOST_SAMPLES,
+    Count,
+    FloatArray,
+    Positive,
+    checked,
+    frozen,
+    random_generator,
+)
 from loopid.errors import AssemblyError
 from loopid.kinematics.assembly import AssemblyOptions, follow_paths, largest_opening
 from loopid.kinematics.closing import displaced, nearby_configurations
@@ -55,8 +63,8 @@ class SamplingOptions:
     """
 
     singularity_threshold: Annotated[float, Field(ge=0, le=1)] | None = None
-    spread: float = 1.0
-    attempts: int = 200
+    spread: Positive = 1.0
+    attempts: Annotated[int, Field(ge=1)] = 200
 
 
 @checked

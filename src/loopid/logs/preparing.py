@@ -62,9 +62,9 @@ NEAR_SATURATION, OTHER_LIMIT = 0.01, 0.1
 IDLE, DITHER = 0.05, 0.01
 # Periods of six times the motion's band that it must be slow for to stand, not to turn back.
 STANDSTILL = 0.5
-# A motor sticks where it stays in a step of its encoder, or in the range of its noise, and goes so
-# many steps in four times as long; it does for so many samples at least.
-SOON_FAR, LEAST_STUCK = 32.0, 4
+# A motor sticks where it stays in a step of its encoder, or in the range of its noise, for at least
+# so many samples, and in four times as long goes further than so many times that and a step.
+LEAST_STUCK, SOON_FAR = 4, 16.0
 NOISE_RANGE = 6 / (0.6745 * np.sqrt(20))  # of white noise, in medians of its third differences
 FROZEN = 20  # equal positions in a row that may be a frozen encoder
 NEAR_SINGULAR = "near a singularity"  # why samples are left out
@@ -578,7 +578,7 @@ def sticking(log: Log, velocity: FloatArray) -> BoolArray:
     """Where each motor of a log sticks (N, m): it does not move at all, and soon it is far away.
 
     A motor that turns back smoothly stays within what its encoder resolves only shortly: in four
-    times the time it goes sixteen times as far, and twice that where a step hides some of it.
+    times the time it goes sixteen times as far, of which a step may be hidden.
     """
     found = np.zeros(velocity.shape, dtype=bool)
     for k, joint in enumerate(log.joints):
@@ -605,11 +605,12 @@ def _sticks(position: FloatArray, step: float, repeats: int) -> BoolArray:
         own = width // 4
         if own < LEAST_STUCK * repeats:
             continue
-        flat = bounds[0][1] - bounds[0][0] <= (1 + EQUAL) * step
-        if not flat.any():
+        within = bounds[0][1] - bounds[0][0]
+        if within.min() > (1 + EQUAL) * step:
             break
         first, ways = 3 * own // 2, longer[1] - longer[0]
-        there = flat[first : first + len(ways)] & (ways > SOON_FAR * step)
+        within = within[first : first + len(ways)]
+        there = (within <= (1 + EQUAL) * step) & (ways > SOON_FAR * (within + step))
         marks[first : first + len(there)] += there
         marks[first + own : first + own + len(there)] -= there
     return np.asarray(np.cumsum(marks)[:-1] > 0)

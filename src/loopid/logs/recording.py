@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from html import escape
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from loopid.arguments import (
     BoolArray,
     FloatArray,
     IntArray,
-    NotNegative,
     Number,
     checked,
     chosen,
@@ -112,7 +112,7 @@ class MaskOptions:
     0.02
     """
 
-    singularity_threshold: NotNegative | None = None
+    singularity_threshold: Annotated[float, Field(ge=0, le=1)] | None = None
 
     def least(self, robot: Robot) -> float:
         """Singularity measure that samples of a robot keep."""
@@ -141,11 +141,20 @@ class RateHistory:
     whole: tuple[IntArray, JointMotion]
 
     def of_joint(self, robot: Robot, joint: str) -> FloatArray:
-        """Rate (M,) of a motor, or of another joint, between assembled samples on a line."""
+        """Rate (M,) of a motor, or of another joint by its share in those of the motors."""
         if joint in self.joints:
             return self.velocity[:, self.joints.index(joint)]
         (index,) = robot.velocity_indices([joint])
-        return self.of_motion(robot, lambda motion: motion.velocities[:, index])
+        shares = self.of_motion(robot, lambda motion: motion.projection.G[:, index])
+        samples, motion = self.whole
+        rate, every = np.zeros(len(self.velocity)), np.arange(len(self.velocity))
+        for k, name in enumerate(robot.independent):
+            if name in self.joints:
+                own = self.velocity[:, self.joints.index(name)]
+            else:
+                own = np.interp(every, samples, motion.velocities[:, k])
+            rate += shares[:, k] * own
+        return rate
 
     def ways(self, rate: FloatArray) -> list[FloatArray]:
         """Positions along each segment at a rate (M,), from wherever they start."""
@@ -170,12 +179,15 @@ class RateHistory:
         return self.bridged(joint, np.sign(self.velocity[:, self.joints.index(joint)]))
 
     def of_motion(self, robot: Robot, signal: Callable[[ClosedMotion], FloatArray]) -> FloatArray:
-        """A signal (M,) of the whole motion, between assembled samples on a line."""
+        """A signal (M, ...) of the whole motion, between assembled samples on a line."""
         samples, motion = self.whole
         parts = []
         for rows in row_blocks(len(samples)):
             parts.append(signal(motion.closed(robot, rows)))
-        return np.interp(np.arange(len(self.velocity)), samples, np.concatenate(parts))
+        known, every = np.concatenate(parts), np.arange(len(self.velocity))
+        columns = known.reshape(len(samples), -1).T
+        found = np.stack([np.interp(every, samples, one) for one in columns], axis=1)
+        return found.reshape(len(every), *known.shape[1:])
 
     def lowpassed(self, signal: FloatArray) -> FloatArray:
         """A signal (M,) filtered, at the samples (N,) that were kept."""
@@ -309,6 +321,14 @@ class Recording(Tabular):
                 column[:] = history.lowpassed(history.directions(joint) * history.idle[:, own])
         return found
 
+    def idle_speed(self, joint: str) -> float:
+        """Speed of a motor up to which it stands or turns back; 0 where that is not known."""
+        history = self.history
+        if history is None or joint not in history.joints:
+            return 0.0
+        own = history.joints.index(joint)
+        return float(np.abs(history.velocity[history.idle[:, own], own]).max(initial=0.0))
+
     def step_of(self, joint: str) -> float:
         """Least difference of positions of a motor in the log, in m or rad; 0 where it has none."""
         if self.log is None or joint not in self.log.joints:
@@ -371,6 +391,9 @@ class Recording(Tabular):
         LogError
             When there are none in which a motor moves.
         """
+        for name, given in (("start", start), ("end", end)):
+            if np.isnan(given):
+                raise OptionError(f"{name} must be a time in s, not nan", argument=name)
         time = self.motion.time
         part = self.select((time >= start) & (time <= end))
         if not part.used.any():

@@ -424,7 +424,10 @@ def gains_chart(robot: Robot, log_faults: Sequence[LogFaults]) -> Chart:
         known = {gain.joint: (gain.gain, *gain.interval) for gain in each.gains}
         title = f"Force over expected force, {each.recording}"
         panels.append(motors_panel(robot, title, known, 1.0))
-    caption = "What motors gave, over what bodies and other motors make expected."
+    caption = (
+        "What motors gave, over what bodies and other motors make expected. Intervals of 95 % hold "
+        "bodies that may be off by half."
+    )
     return Chart("gains", caption, "", tuple(panels), 2)
 
 
