@@ -171,6 +171,23 @@ def test_sizes_beyond_all_use_are_refused_before_work_begins(knee, ask, name):
     assert refused.value.facts["argument"] == name
 
 
+@pytest.mark.parametrize(
+    ("caller", "is_checked"),
+    [("loopid.robot.robot", False), ("loopid.cli.robots", True), ("loopids", True), ("mine", True)],
+)
+def test_calls_of_loopid_are_not_checked_but_for_its_commands(caller, is_checked):
+    @checked
+    def function(value: int) -> object:
+        return value
+
+    call = eval("lambda function: function('text')", {"__name__": caller})
+    if is_checked:
+        with pytest.raises(OptionError, match="value must be"):
+            call(function)
+    else:
+        assert call(function) == "text"
+
+
 def test_what_users_wrote_calls_as_users_do(knee):
     """Their functions and classes, inside of what is checked, are refused in plain words too."""
     refused = r"robot must be of type Robot, not 'knee'"

@@ -19,7 +19,7 @@ import loopid
 from loopid.arguments import FloatArray
 from loopid.errors import MissingExtraError, OptionError
 from loopid.kinematics import AssemblyOptions
-from loopid.records import digest, record, same
+from loopid.records import derived, digest, record, same
 
 
 @record
@@ -229,6 +229,25 @@ def test_read_only_arrays_are_kept_without_a_copy():
     assert Point(place).place is not place
     place.setflags(write=False)
     assert Point(place).place is place
+
+
+def test_what_is_derived_is_made_once_a_record_and_anew_for_copies():
+    made = []
+
+    @derived
+    def scaled(point, factor):
+        made.append(factor)
+        return factor * point.place
+
+    point = Point(np.ones(2))
+    assert scaled(point, 2.0) is scaled(point, 2.0)
+    assert (scaled(point, 3.0) == 3.0).all()
+    assert made == [2.0, 3.0]
+    before = digest(point.name), repr(point)
+    for other in (replace(point), copy.copy(point), pickle.loads(pickle.dumps(point))):
+        assert other == point
+        assert (digest(other.name), repr(other)) == before
+        assert scaled(other, 2.0) is not scaled(point, 2.0)
 
 
 def test_options_can_be_replaced_one_by_one():

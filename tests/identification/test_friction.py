@@ -14,6 +14,7 @@ from loopid.identification.friction import (
     curve_rates,
     friction_at_rest,
     friction_findings,
+    moving_samples,
 )
 from loopid.identification.joint_priors import dissipation, joint_parameters
 from loopid.logs import Recording
@@ -325,6 +326,23 @@ def test_friction_that_is_less_at_rest_is_no_shape_of_it(robot, sticking, less):
             for fit in (quiet_fit(data), quiet_fit(data.apart_from(columns)))
         )
         assert np.abs(without - 0.1).max() < 1e-3 < 2e-3 < np.abs(beside - 0.1).max()
+
+
+@pytest.mark.parametrize("part", [0.3, 0.9])
+def test_samples_that_show_friction_at_rest_are_left_out_unless_they_are_most(part):
+    """Beside a column of it, the first point of a curve could have any size."""
+    rng = np.random.default_rng(0)
+    rest = np.where(rng.uniform(size=(400, 1)) < part, 0.5, 0.01) * rng.choice([-1, 1], (400, 1))
+    names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc", "elbow.Fk0~1"])
+    near = np.abs(rest) > 0.1  # the first point of a curve is next to rest, and there alone
+    W = np.stack([rng.choice([-1.0, 1.0], (400, 1)), rest * near + 1e-3 * rest], axis=2)
+    data = loopid.identification.FitSamples.of(names, ["elbow"], W, W[..., 0])
+    moving = moving_samples(data, rest)
+    assert moving.used.all() == (part > 0.75)
+    kept = np.abs(moving.regressor[..., 1])[moving.used]
+    assert kept.max() < (1e-4 if part < 0.75 else 0.5)
+    unit = rest * moving.used
+    assert np.abs((unit[..., None] * moving.regressor).sum(axis=0)).max() < 1e-9
 
 
 def test_friction_at_rest_is_in_no_parameter_and_in_all_errors(robot, model, sticking):

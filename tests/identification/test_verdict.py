@@ -11,7 +11,7 @@ from bank_robots import few_of
 from loopid import FitOptions, JointTerms, identify
 from loopid.errors import OptionError
 from loopid.findings import SEVERITIES, Finding
-from loopid.identification.unseen import UnseenErrors
+from loopid.identification.unseen import UnseenErrors, outstanding
 from loopid.logs import Log, Recording
 from loopid.motion import Noise, scaled_bodies
 from made_runs import ARM, quietly, record, simulated, wander
@@ -200,3 +200,19 @@ def test_singular_poses_are_why_a_log_is_not_fit(identified):
     object.__setattr__(found, "unseen", half)  # as a cached property does
     assert str(found.verdict).startswith("Not fit for use, as the motion passes singular poses. ")
     assert "Next: move elsewhere" in str(found.verdict)
+
+
+def test_a_push_is_named_with_its_time(identified):
+    found = identified("a spring")
+    assert found.outstanding is None  # it errs all along
+    data, time = found.data, found.training[0].motion.time
+    pushed = (time > 4.0) & (time < 4.5)
+    force = data.force + 3.0 * np.outer(pushed, [0.0, 1.0])
+    stretch = outstanding(found.fit, replace(data, force=force), found.training)
+    assert stretch.motor == "right_crank_joint"
+    assert 4.0 < stretch.start < stretch.end < 4.5
+    found = replace(found)
+    object.__setattr__(found, "outstanding", stretch)  # as a cached property does
+    said = "errors of right_crank_joint stand out between 4.0"
+    assert any(each.title.startswith(said) for each in found.findings)
+    assert "look at what happened then" in str(found.verdict)

@@ -352,7 +352,7 @@ def test_the_geometry_decides_how_near_to_singularities_samples_come(knee):
     drawn = random_configurations(knee, 200, options=near)
     measures = singularity_measure(knee, drawn)
     flat = replace(knee, reference=drawn[measures.argmin()])
-    assert MaskOptions().least(flat) == pytest.approx(measures.min() / 8)
+    assert MaskOptions().least(flat) == pytest.approx(max(measures.min() / 8, 0.001))
 
 
 def test_progress_ends_complete(knee, log, monkeypatch):

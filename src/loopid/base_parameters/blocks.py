@@ -158,16 +158,8 @@ class Block:
 
     def levels(self, selection: IntArray) -> Levels:
         """Extreme eigenvalues for a selection (k,) of representatives."""
-        key = selection.tobytes()
-        if key not in self._levels:
-            values = np.linalg.svd(self.vectors[selection], compute_uv=False) ** 2
-            self._levels[key] = Levels(float(values[-1]), float(values[0]))
-        return self._levels[key]
-
-    @cached_property
-    def _levels(self) -> dict[bytes, Levels]:
-        """Those computed so far."""
-        return {}
+        values = np.linalg.svd(self.vectors[selection], compute_uv=False) ** 2
+        return Levels(float(values[-1]), float(values[0]))
 
     @cached_property
     def least_largest(self) -> float:

@@ -15,7 +15,13 @@ from loopid.excitation.collisions import Collisions
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.measured import platform_coordinates
 from loopid.kinematics.poses import frame_poses
-from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, partition, project
+from loopid.kinematics.projection import (
+    NEAR_SINGULARITY,
+    ClosedMotion,
+    partition,
+    project,
+    ratio_to_largest,
+)
 from loopid.records import record
 from loopid.robot.platform import ROTATIONS
 from loopid.robot.robot import Robot
@@ -354,8 +360,5 @@ def _twists(robot: Robot, q: FloatArray, G: FloatArray) -> FloatArray:
 
 def _ratio(matrices: FloatArray, rank: int) -> FloatArray:
     """Singular value of number ``rank`` over the largest one, (N, 1) of matrices (N, m, n)."""
-    values = np.linalg.svd(matrices, compute_uv=False)
-    if rank == 0 or values.shape[1] < rank:
-        return np.full((len(matrices), 1), float(rank == 0))
-    largest = np.maximum(values[:, :1], np.finfo(float).tiny)
-    return np.asarray(values[:, rank - 1 : rank] / largest)
+    values = np.asarray(np.linalg.svd(matrices, compute_uv=False), dtype=np.float64)
+    return ratio_to_largest(values, rank)[:, None]

@@ -56,6 +56,9 @@ LEAST_LOAD = 0.1
 LEAST_ROWS = 5
 # Fits that find bodies, load friction and the size of errors together, before anything is dropped.
 ROUNDS = 2
+# Part of a motor's friction at rest that the filter spreads into samples which show it; most
+# samples of a motor that may be left out for that.
+SPREAD, MOST_AT_REST = 0.05, 0.75
 # Terms of a group that the data determine, below which it has no effect.
 NO_EFFECT = 0.01
 
@@ -144,6 +147,17 @@ def friction_at_rest(
     return columns
 
 
+def moving_samples(data: FitSamples, rest: FloatArray) -> FitSamples:
+    """Samples without friction at rest (N, dof), as ``friction_at_rest`` gives it.
+
+    What shows it is left out: beside it, at low speed, a curve could have any size. What else there
+    is of it is set apart.
+    """
+    shows = (np.abs(rest) > SPREAD) & data.used
+    shows &= shows.sum(axis=0) <= MOST_AT_REST * data.used.sum(axis=0)
+    return replace(data, used=data.used & ~shows).apart_from(rest)
+
+
 @checked
 def with_friction(
     force_model: ForceModel,
@@ -203,7 +217,7 @@ def with_friction(
 
     wide, data = beside(kinds, standard)
     rest = friction_at_rest(data, recordings, weights)
-    moving = data.apart_from(rest)
+    moving = moving_samples(data, rest)
     # What plain terms leave of friction is no error.
     with one_blas_thread():
         every, rank = excited_solution(moving.problem.weighted(whole.weights), LEAST_EXCITATION)
@@ -212,7 +226,7 @@ def with_friction(
         standard = consistent_parameters(wide, moving, noise)
         noise = residual_noise(moving, wide.base.values(standard), rank)
         wide, data = beside(kinds, standard)
-        moving = data.apart_from(rest)
+        moving = moving_samples(data, rest)
     honest = False  # whether errors are with what a fit took up of slow ones added back
     while True:
         noise = _of_motors(kinds, noise, whole.require_noise())
@@ -224,7 +238,7 @@ def with_friction(
             return wide, data, working
         kinds, noise, honest = asked, fit.require_noise(), True
         wide, data = beside(kinds, fit.require_bodies())
-        moving = data.apart_from(rest)
+        moving = moving_samples(data, rest)
 
 
 def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:

@@ -168,14 +168,17 @@ def singular_poses(recordings: Sequence[Recording]) -> Finding | None:
     """
     measure = np.concatenate([run.motion.singularity for run in recordings])
     time = np.concatenate([run.motion.time for run in recordings])
-    threshold = NEAR * float(np.median(measure))
-    near, worst = measure < threshold, int(measure.argmin())
+    threshold, worst = NEAR * float(np.median(measure)), int(measure.argmin())
     lost = [one for run in recordings for one in run.dropped if one.reason == NEAR_SINGULAR]
-    squares = np.concatenate([np.where(run.used, run.force, 0.0) ** 2 for run in recordings])
+    force, near = np.concatenate([*map(_raw_force, recordings)]), np.zeros(0, dtype=bool)
+    for run in recordings:
+        at = run.motion.time if run.log is None else run.log.time
+        own = np.interp(at, run.motion.time, run.motion.singularity)
+        near = np.append(near, own < threshold)
     larger = False
     if near.any() and not near.all():
-        beside = AMPLIFIED**2 * squares[~near].mean(axis=0)
-        larger = bool((squares[near].mean(axis=0) > beside).any())
+        beside = AMPLIFIED**2 * (force[~near] ** 2).mean(axis=0)
+        larger = bool(((force[near] ** 2).mean(axis=0) > beside).any())
     if not (larger or lost):
         return None
     why = f"the singularity measure falls to {measure[worst]:.2g} at {time[worst]:.2f} s"
@@ -190,6 +193,11 @@ def singular_poses(recordings: Sequence[Recording]) -> Finding | None:
         f"{why}; {lost[0]} were left out" if lost else why,
         "record a motion that keeps away from these poses, as loopid excite designs",
     )
+
+
+def _raw_force(run: Recording) -> FloatArray:
+    """Forces (N, m) before the filter, which smears peaks, where the log is known."""
+    return np.nan_to_num(run.motor_force if run.log is None else run.log.force)
 
 
 def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]:

@@ -58,8 +58,8 @@ ROWS_OF_LENGTHS = 600  # samples that lengths are tested with, at most
 # are larger there, by this.
 SLOW, LARGER = 0.2, 1.25
 # Parts of a length that may be missing: bodies take up nearly all of what a longer link does, so
-# that little looks like more. What is filtered looks like less near singularities; links are not
-# made that exactly.
+# that little looks like more. What is filtered looks like less near singularities, and links are
+# not made that exactly: intervals hold it, and it is no finding.
 LEAST_OFF, MOST_OFF = 5e-5, 0.1
 DEPENDENT = 1e-6  # part of a column beside the fit's below which it adds nothing
 
@@ -128,9 +128,11 @@ class MissingForce:
 
 
 def missing_findings(missing: Sequence[MissingForce]) -> tuple[Finding, ...]:
-    """Those of one law together, the largest first."""
+    """Those of one law together, the largest first; none of a length that is hardly off."""
     laws = dict[tuple[str, str], list[MissingForce]]()
     for each in sorted(missing, key=lambda each: -each.share):
+        if not each.motor and abs(each.number) < LEAST_OFF:
+            continue
         laws.setdefault((each.law, each.certainty), []).append(each)
     return tuple(_finding(each) for each in laws.values())
 
@@ -316,12 +318,12 @@ def _wrong_length(
         return None
     place = min(tried, key=lambda each: tried[each].chance)
     best = tried[place]
-    if not LEAST_OFF <= abs(best.x[0]) <= MOST_OFF:
+    if abs(best.x[0]) > MOST_OFF:
         return None
     least = best.chance if best.chance >= FALSE_ALARM else test.confirmed(best.columns)
     if (least := len(tried) * least) >= FALSE_ALARM:
         return None
-    clear = families * least < FALSE_ALARM
+    clear = families * least < FALSE_ALARM and abs(best.x[0]) >= LEAST_OFF
     return test.missing(
         best,
         motor="",

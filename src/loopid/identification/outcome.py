@@ -25,7 +25,7 @@ from loopid.identification.options import FitOptions
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
 from loopid.identification.sensor_noise import sensor_noise
-from loopid.identification.unseen import UnseenErrors
+from loopid.identification.unseen import Stretch, UnseenErrors, outstanding
 from loopid.logs.recording import Recording
 from loopid.numbers import number
 from loopid.records import record
@@ -119,6 +119,11 @@ class Outcome:
         """Errors of the recommended fit on data that it was not fitted to, by where."""
         runs = self.validation or self.training
         return UnseenErrors.of(self.recommended, self.new, runs)
+
+    @cached_property
+    def outstanding(self) -> Stretch | None:
+        """The stretch of time in which the recommended fit errs far more than ever else."""
+        return outstanding(self.recommended.fit, self.data, self.training)
 
     @cached_property
     def repeated(self) -> float:

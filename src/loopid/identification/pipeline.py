@@ -356,7 +356,7 @@ def _sampled(
 def _errors_by_region(fit: WorkingFit, data: FitSamples) -> FloatArray:
     """Root mean squares (dof,) on regions of states of some data, by estimates without each.
 
-    The fit may set a part of the forces apart, which its errors on the data hold.
+    The fit may leave samples out and set a part of forces apart, which its errors on the data hold.
     """
     left_out = Jackknife.of(fit, data.regions)
     return quality_of(data, left_out.predicted(replace(fit, samples=data))).residual_rms
@@ -395,7 +395,7 @@ def _refits(
         return values
 
     def solid(part: FitSamples) -> FloatArray:
-        part = replace(fitted, used=part.used)
+        part = replace(fitted, used=fitted.used & part.used)
         noise = fits[ALL].require_noise()
         if known is not None:
             return quiet_consistent_fit(force_model, part, noise, known).result.values

@@ -24,6 +24,10 @@ from loopid.records import record
 SLOW = 10.0  # percentile of the rates of a motor's samples that are slow
 LEAST_SAMPLES = 10  # that errors are worth looking at
 STANDING = 1e-3  # of its fastest rate, next to a standstill: friction there is breakaway
+# A stretch of time stands out that holds so much of a motor's squared error in so few of its
+# samples, and errs by so much of its force. Errors of a model that is wrong all along come back:
+# half of them take a tenth of the samples at least.
+MOST_ERRORS, FEW_SAMPLES, LARGE = 0.7, 0.08, 0.1
 STANDS = 0.05  # part of the samples that a motor stands in, at least: less is a start or an end
 
 
@@ -98,6 +102,56 @@ class UnseenErrors:
             return next(iter(WHERE)), 0, float("nan")
         where, motor = np.unravel_index(int(np.nanargmax(table)), table.shape)
         return list(WHERE)[where], int(motor), float(table[where, motor])
+
+
+@record
+class Stretch:
+    """A stretch of time in which errors stand out from those of all others.
+
+    Attributes
+    ----------
+    motor : str
+        That errs most there, in parts of its force.
+    name : str
+        Of the recording.
+    start, end : float
+        In s, of the recording.
+    error : float
+        Root mean square there, in parts of the motor's force.
+    """
+
+    motor: str
+    name: str
+    start: float
+    end: float
+    error: float
+
+
+def outstanding(fit: Fit, data: FitSamples, recordings: Sequence[Recording]) -> Stretch | None:
+    """The stretch of time in which errors of a fit to recordings stand out most, if any does."""
+    left, force = data.residual(fit.values), data.problem.force_rms
+    time = np.concatenate([run.motion.time for run in recordings])
+    found = []
+    for k, motor in enumerate(data.actuators):
+        used = data.used[:, k]
+        squares, runs, stamps = left[used, k] ** 2, data.runs[used], time[used]
+        for run, recording in enumerate(recordings):
+            own = runs == run
+            first, last = _shortest(squares[own], MOST_ERRORS * squares.sum())
+            error = np.sqrt(squares[own][first:last].mean()) if last else 0.0
+            if 0 < last - first <= FEW_SAMPLES * len(squares) and error > LARGE * force[k]:
+                ends = float(stamps[own][first]), float(stamps[own][last - 1])
+                found.append(Stretch(motor, recording.name, *ends, float(error / force[k])))
+    return max(found, key=lambda each: each.error, default=None)
+
+
+def _shortest(values: FloatArray, sum_of: float) -> tuple[int, int]:
+    """Ends of the fewest values (N,) in a row that have a sum; none (0, 0) where all have less."""
+    sums = np.r_[0.0, np.cumsum(values)]
+    last = np.searchsorted(sums, sums + sum_of)
+    counts = np.where(last < len(sums), last - np.arange(len(sums)), len(sums))
+    first = int(counts.argmin())
+    return (first, int(last[first])) if counts[first] < len(sums) else (0, 0)
 
 
 # Where errors are, in words.

@@ -29,6 +29,7 @@ NOISY = 3.0
 # Part of a motor's largest force that friction must drive with at one speed, and brake with at
 # another.
 TURNS = 0.1
+AROUND = 0.1  # in s, that are left out beside a short time in which errors stand out, at least
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
 # What a fit is fit for, in words.
 NOT_FIT, ROUGHLY = "Not fit for use", "Fit for rough predictions of forces"
@@ -235,6 +236,7 @@ def _doubtful(found: Outcome) -> bool:
         or not found.fit.settled
         or bool(model is not None and model.severity != "note")
         or found.advantage is not None
+        or found.outstanding is not None
         or _noisy(found) is not None
         or any(_of_encoders(found))
     )
@@ -331,9 +333,27 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
 
 def _wrong(found: Outcome) -> Iterator[Finding]:
     """What another motion does not mend, the likeliest cause first."""
+    passing = _passing(found)
+    yield from () if passing is None else (passing,)
     others = [each for each in (_better(found), _unexplained(found)) if each is not None]
     turning = _turning_friction(found) if others else None
     yield from others if turning is None else (turning, *others)
+
+
+def _passing(found: Outcome) -> Finding | None:
+    """What happened once, for a short time."""
+    one = found.outstanding
+    if one is None:
+        return None
+    around = max(one.end - one.start, AROUND)
+    of_log = f" of {one.name}" * (len(found.training) > 1)
+    return Finding(
+        "warning",
+        f"errors of {one.motor} stand out between {one.start:.2f} and {one.end:.2f} s{of_log}",
+        f"there they are {number(100 * one.error, 2)} % of its force, and at no other time alike",
+        "look at what happened then, as a hand or a stop that pushed, and delete the rows between "
+        f"{one.start - around:.2f} and {one.end + around:.2f} s",
+    )
 
 
 def _unexplained(found: Outcome) -> Finding | None:

@@ -56,13 +56,7 @@ class Factorisation:
     @property
     def least_over_largest(self) -> FloatArray:
         """Ratio (N,) of the n-th singular value to the first; 1 without columns."""
-        (count, found), width = self.values.shape, self.right.shape[2]
-        if width == 0:
-            return np.ones(count)
-        if found < width:
-            return np.zeros(count)
-        largest = np.maximum(self.values[:, 0], np.finfo(float).tiny)
-        return np.asarray(self.values[:, width - 1] / largest, dtype=np.float64)
+        return ratio_to_largest(self.values, self.right.shape[2])
 
     def solve(self, right_hand_sides: FloatArray, damping: FloatArray | None = None) -> FloatArray:
         """Minimum-norm least-squares solutions (N, n, c) of stacked systems with (N, m, c).
@@ -75,6 +69,15 @@ class Factorisation:
             inverse = 1.0 / (values + damping[:, None] ** 2 / values)
         projected = self.left.swapaxes(1, 2) @ right_hand_sides
         return np.asarray(self.right.swapaxes(1, 2) @ (inverse[:, :, None] * projected))
+
+
+def ratio_to_largest(values: FloatArray, rank: int) -> FloatArray:
+    """Ratio (N,) of a singular value to the first of values (N, k); 1 of rank 0, 0 of none."""
+    count, found = values.shape
+    if not 0 < rank <= found:
+        return np.full(count, float(rank == 0))
+    largest = np.maximum(values[:, 0], np.finfo(float).tiny)
+    return np.asarray(values[:, rank - 1] / largest, dtype=np.float64)
 
 
 @dataclass(eq=False)

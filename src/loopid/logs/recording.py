@@ -23,7 +23,7 @@ from loopid.arguments import (
 )
 from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.poses import frame_poses
-from loopid.kinematics.projection import ClosedMotion, project
+from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, project
 from loopid.kinematics.sampling import least_measure
 from loopid.logs.checks import frame_index
 from loopid.logs.grid import Dropped
@@ -103,7 +103,8 @@ class MaskOptions:
     ----------
     singularity_threshold : float, optional
         Samples with a smaller singularity measure are left out; by default a quarter of what random
-        poses keep (``SamplingOptions``): 0.005, or less where the geometry hardly allows it.
+        poses keep (``SamplingOptions``): 0.005, or down to 0.001 where the geometry hardly
+        allows it.
 
     Examples
     --------
@@ -116,9 +117,10 @@ class MaskOptions:
 
     def least(self, robot: Robot) -> float:
         """Singularity measure that samples of a robot keep."""
-        if self.singularity_threshold is None:
-            return LOGGED * least_measure(robot)
-        return self.singularity_threshold
+        if self.singularity_threshold is not None:
+            return self.singularity_threshold
+        least = LOGGED * least_measure(robot)
+        return least if robot.singularity_threshold is not None else max(least, NEAR_SINGULARITY)
 
 
 @record
