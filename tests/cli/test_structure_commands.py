@@ -382,7 +382,7 @@ def test_check_prints_the_reference_that_chooses_another_mode(both, run_json, wr
     ("options", "words"),
     [
         (("--search", "subgroup", "--alpha", "0.9"), ["alpha", "0.5 or less", "0.9"]),
-        (("--search", "subgroup", "--cond-limit", "0"), ["condition_limit", "above 1", "0"]),
+        (("--search", "subgroup", "--cond-limit", "0"), ["--cond-limit", "above 1", "0"]),
         (("--search", "subgroup", "--variant", "x"), ["variant", "gap, pseudocode"]),
         (("--alpha", "0.3"), ["alpha", "exact", "--search subgroup"]),
     ],
