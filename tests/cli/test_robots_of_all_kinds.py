@@ -89,7 +89,7 @@ def test_robots_without_motions_of_their_own_need_a_file(run, tmp_path, monkeypa
         assert f"four_bar has no motions of its own: name a motion file, MOTIONS, {advice}" in (
             done.err
         )
-    quick = "--starts", "1", "--evaluations", "5", "--duration", "8"
+    quick = "--starts", "1", "--evaluations", "5", "--duration", "4"
     assert run("excite", "four_bar", "--out", "motion", *quick).code == 0
     assert run("motions", "four_bar", "motion/motion.yaml").code == 0
 

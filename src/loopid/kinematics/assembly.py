@@ -335,50 +335,24 @@ class _Path(NamedTuple):
 def _in_steps(
     measured: MeasuredCoordinates, path: _Path, options: AssemblyOptions
 ) -> tuple[FloatArray, BoolArray]:
-    """The last points (N, nq) on paths followed in parts, and whether they are the ends.
-
-    The largest part of what it may be that a step of a correction takes is in proportion to the
-    part of the way. So it tells how long the next part can be. A sample whose correction ends goes
-    on beside the others.
-    """
+    """The last points (N, nq) on paths followed in parts, and whether they are the ends."""
     count = len(path.start)
     # The last point on the path, its Jacobian, the part of the way done there, and the next part.
     reached, jacobian = path.start.copy(), path.jacobian.copy()
-    done, part, tried = np.zeros(count), np.full(count, 0.5), np.ones(count)
-    # The correction at the part ahead, what its next step may be, and what was taken of that.
-    q, values, ahead = reached.copy(), path.origin.copy(), np.zeros(count)
-    longest, taken = np.empty(count), np.empty(count)
-    k = np.flatnonzero(tried < options.most_steps)
-    new = np.ones(len(k), dtype=bool)
-    while len(k):
-        at = k[new]
-        ahead[at] = np.minimum(done[at] + part[at], 1.0)
-        values[at] = path.origin[at] + ahead[at, None] * path.way[at]
-        q[at] = measured.write(reached[at], values[at])
-        longest[at], taken[at] = LONGEST_STEP, 0.0
-        q[k], unknown, solution = _newton_step(measured, q[k], values[k])
-        length = np.abs(solution[:, :, 0]).max(axis=1, initial=0.0)
-        taken[k] = np.maximum(taken[k], length / longest[k])
-        longest[k] = CONTRACTION * length
-        arrived = length <= np.where(ahead[k] < 1.0, options.rough, options.short)
-        new = arrived | ~(taken[k] <= 1.0)
-        at = k[new]
-        good = arrived[new] & same_side(jacobian[at], unknown[new])
-        part[at] = _next_part(ahead[at] - done[at], taken[at], good, options.shortest_step)
-        there = at[good]
-        reached[there], jacobian[there] = q[there], unknown[new][good]
-        done[there] = ahead[there]
-        tried[at] += 1
-        going = (done[k] < 1.0) & (part[k] > 0.0) & (tried[k] < options.most_steps)
-        k, new = k[going], new[going]
+    done, step = np.zeros(count), np.full(count, 0.5)
+    k, tried = np.arange(count), 1
+    while len(k) and tried < options.most_steps:
+        ahead = np.minimum(done[k] + step[k], 1.0)
+        short = np.where(ahead < 1.0, options.rough, options.short)
+        values = path.origin[k] + ahead[:, None] * path.way[k]
+        found = correct(measured, reached[k], values, short)
+        good = found.accepted & same_side(jacobian[k], found.jacobian)
+        there = k[good]
+        reached[there], jacobian[there] = found.configurations[good], found.jacobian[good]
+        done[there] = ahead[good]
+        step[k] *= np.where(good, 2.0, 0.5)
+        k, tried = k[(done[k] < 1.0) & (step[k] >= options.shortest_step)], tried + 1
     return reached, done >= 1.0
-
-
-def _next_part(part: FloatArray, taken: FloatArray, good: BoolArray, shortest: float) -> FloatArray:
-    """Parts of ways to try after parts, by what these took; zero where none is left to try."""
-    fitting = 2.0 ** np.floor(-np.log2(np.maximum(taken, shortest)))
-    shorter = np.where(part > shortest, np.maximum(part * np.fmin(fitting, 0.5), shortest), 0.0)
-    return np.where(good, part * np.clip(fitting, 1.0, 2.0), shorter)
 
 
 def _predicted(
@@ -437,12 +411,17 @@ def correct(
     longest: FloatArray | float = LONGEST_STEP
     k: IntArray | slice = slice(None)  # those that go on
     for _ in range(NEWTON_STEPS):
-        q[k], unknown, solution = _newton_step(measured, q[k], values[k], tangents)
-        step, slope = solution[:, :, 0], solution[:, :, 1:]
-        if len(unknown) == count:
-            jacobian, tangent = unknown, slope
+        at = measured.linearise(q[k], values[k])
+        pull = at.residual[:, :, None]
+        if tangents:
+            pull = np.concatenate([pull, at.known], axis=2)
+        solution = Solver.of(at.unknown, REGULAR).solve(pull)
+        step, slope = -solution[:, :, 0], -solution[:, :, 1:]
+        q[k] = integrate(measured.robot, q[k], measured.tangent(step))
+        if len(at.unknown) == count:
+            jacobian, tangent = at.unknown, slope
         else:
-            jacobian[k], tangent[k] = unknown, slope
+            jacobian[k], tangent[k] = at.unknown, slope
         length = np.abs(step).max(axis=1, initial=0.0)
         accepted[k] = done = length <= short[k]
         if done.all():
@@ -454,22 +433,6 @@ def correct(
                 break
         longest = CONTRACTION * length[going]
     return Correction(q, accepted, jacobian, tangent)
-
-
-def _newton_step(
-    measured: MeasuredCoordinates, q: FloatArray, values: FloatArray, tangents: bool = False
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Configurations (N, nq) after a step, the Jacobian (N, m, u), and steps (N, u, 1 + c).
-
-    The first is that of Newton's method, others are tangents as in ``Correction``.
-    """
-    at = measured.linearise(q, values)
-    pull = at.residual[:, :, None]
-    if tangents:
-        pull = np.concatenate([pull, at.known], axis=2)
-    steps = -Solver.of(at.unknown, REGULAR).solve(pull)
-    moved = integrate(measured.robot, q, measured.tangent(steps[:, :, 0]))
-    return moved, at.unknown, steps
 
 
 def same_side(before: FloatArray, after: FloatArray) -> BoolArray:
