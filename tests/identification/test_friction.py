@@ -381,3 +381,43 @@ def test_while_a_motor_sticks_its_friction_goes_from_before_to_after(robot, mode
         direction = recording.history.directions(joint)
         assert (np.abs(direction[~stuck]) == 1).all()
         assert np.abs(np.diff(direction)[stuck[1:]]).max() < 0.15  # no jump of 2
+
+
+PENDULUM = """<mujoco model="wrist"><compiler angle="radian"/>
+  <option timestep="5e-4" integrator="implicitfast"/><worldbody><body name="link">
+  <joint name="motor" axis="0 1 0" armature="0.01" frictionloss="0.2" damping="0.1"
+    solreffriction="0.001 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
+  <inertial pos="0.02 0 -0.05" mass="0.6" diaginertia="0.002 0.002 0.001"/></body></worldbody>
+  <actuator><motor joint="motor"/></actuator></mujoco>"""
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("frequency", [0.1, 0.3])
+def test_a_light_motor_that_sticks_under_a_controller_has_plain_friction(tmp_path, frequency):
+    """Another program's physics: PD drives it, and at each reversal it waits for the force."""
+    mujoco = pytest.importorskip("mujoco")
+    (tmp_path / "wrist.xml").write_text(PENDULUM)
+    plant = mujoco.MjModel.from_xml_string(PENDULUM)
+    state, time = mujoco.MjData(plant), 5e-4 * np.arange(60_000)
+    phase = 2 * np.pi * frequency * time
+    wanted = 0.8 * np.sin(phase) + 0.3 * np.sin(2.3 * phase)
+    rate = np.gradient(wanted, time)
+    position, force = np.empty((2, len(time)))
+    for k in range(len(time)):
+        position[k] = state.qpos[0]
+        force[k] = 15.0 * (wanted[k] - state.qpos[0]) + 0.9 * (rate[k] - state.qvel[0])
+        state.qfrc_applied[0] = force[k]
+        mujoco.mj_step(plant, state)
+    rows, step = slice(2000, None, 4), 2 * np.pi / 2**17
+    noise = 1e-3 * np.random.default_rng(0).normal(size=len(time[rows]))
+    encoder = step * np.round(position[rows] / step)
+    robot = quietly(loopid.load, tmp_path / "wrist.xml")
+    log = unchecked(
+        time[rows] - 1.0, encoder[:, None], (force[rows] + noise)[:, None], robot.actuated
+    )
+    recording = quietly(loopid.prepare, robot, log)
+    assert recording.history.stuck.any()
+    found = identify_unjudged(loopid.force_model(robot, "full"), recording)
+    assert not found_groups(found)
+    assert found.fit["motor.Fc"].value == pytest.approx(0.2, rel=0.01)
+    assert found.fit["motor.Fv"].value == pytest.approx(0.1, rel=0.02)

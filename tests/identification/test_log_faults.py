@@ -346,6 +346,20 @@ def test_nothing_is_suspected_of_what_is_right(runs, name):
         assert one.interval[1] - one.interval[0] < 0.3
 
 
+def test_a_mistake_that_sends_bodies_away_is_none(load_once):
+    """As filtered forces near singular poses do, which the bodies of 3rrr then make up for."""
+    robot = load_once("five_bar")
+    model = Evidence(robot, [record(robot, wander(robot, 0, seconds=5.0, rate=40.0))], None)
+    before = model.weighed(model.recorded)
+    unit = np.eye(len(before.values))[0]
+    far, further, half = (
+        before._replace(values=size * np.sqrt(model.sensed) * unit) for size in (2.0, 2.1, 0.9)
+    )
+    assert not model.near(further, far)
+    assert model.near(far, further)
+    assert model.near(half, before)
+
+
 def passing(run, measure, larger):
     """A log that passes a pose of some singularity measure, with forces that are larger there."""
     singularity, force = np.ones(len(run)), run.force.copy()

@@ -432,6 +432,14 @@ class Evidence:
         far = float(found.values @ found.values) > FAR
         return far or bool(large[list(motors)].any())
 
+    def near(self, after: Explanation, before: Explanation) -> bool:
+        """Whether bodies are as near to the robot file as before, or as those that are off by half.
+
+        What sends them further away makes up for errors of another kind.
+        """
+        usual = max(float(before.values @ before.values), self.sensed)
+        return bool(after.values @ after.values <= usual)
+
     def explains(
         self, found: Explanation, motors: Sequence[int], most: float, *, whole: bool
     ) -> bool:

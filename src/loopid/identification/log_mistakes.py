@@ -411,7 +411,7 @@ def _clear(
     clear = list[_Find]()
     for find in finds:
         again = any((find.kind, find.motors) == (one.kind, one.motors) for one in undone)
-        worth = find.worth(found)
+        worth = find.worth(found) and model.near(find.after, found)
         worth &= model.explains(find.after, find.motors, find.shape, whole=find.kind == "sign")
         if worth and not again and find.evidence - found.evidence >= EVIDENCE:
             clear.append(find)
@@ -491,6 +491,7 @@ def _turned(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> Find
     usual, turned = model.beside_rivals(found).evidence, models[k].beside_rivals(plain[k]).evidence
     likeliest = max((find.evidence + usual - found.evidence for find in clear), default=-inf)
     clearly = turned - usual >= EVIDENCE + log(len(axes)) and turned > likeliest - EVIDENCE
+    clearly &= model.near(plain[k], found)
     if not (clearly and models[k].explains(plain[k], model.present, SHAPE, whole=False)):
         return None
     given = "[" + ", ".join(f"{x + 0.0:.4g}" for x in size * axes[k]) + "]"
