@@ -38,7 +38,7 @@ settings.register_profile(
     deadline=None,
     derandomize=True,
     database=None,
-    max_examples=15,
+    max_examples=10,
     suppress_health_check=[HealthCheck.too_slow],  # of a machine that is busy
 )
 settings.load_profile("reproducible")

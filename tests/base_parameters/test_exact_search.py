@@ -23,7 +23,7 @@ OTHERS = [PivotedQR(), SubgroupSearch(), SubgroupSearch(alpha=0.5)]
 
 @pytest.mark.parametrize("criterion", CRITERIA)
 @given(data=st.data())
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_no_other_strategy_does_better(criterion, data):
     problem = data.draw(problems(st.one_of(*BASES.values()), criterion))
     exact = ExactSearch().search(problem)

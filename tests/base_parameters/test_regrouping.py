@@ -20,7 +20,7 @@ SEEDS = st.integers(0, 10**6)
 
 @pytest.mark.parametrize("bases", BASES.values(), ids=BASES)
 @given(data=st.data())
-@settings(max_examples=15)
+@settings(max_examples=10)
 def test_forces_stay_the_same_for_every_valid_choice(bases, data):
     found = data.draw(structures(bases))
     brute = brute_force(ChoiceProblem(found))

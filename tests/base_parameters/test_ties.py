@@ -26,7 +26,7 @@ def readability(problem, dependent):
 
 @pytest.mark.parametrize("criterion", CRITERIA)
 @given(data=st.data())
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_the_most_readable_of_the_best_is_taken(criterion, data):
     problem = data.draw(problems(integer_bases(7), criterion))
     brute = brute_force(problem)

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid import JointTerms
+from loopid import JointTerms, bundled_robots
 from loopid.cli import main
 from loopid.identification.log_mistakes import LogFaults
 from loopid.report import json_schema
-from made_runs import ARM, FRICTION, logged, wander
+from made_runs import ARM, logged, wander
 
 
 @dataclass
@@ -43,6 +43,19 @@ def run(monkeypatch, capsys):
         return Outcome(code, *capsys.readouterr())
 
     return call
+
+
+@pytest.fixture(autouse=True)
+def bundled_robots_loaded_once(load_once, monkeypatch):
+    """Commands share the bundled robots that they load by name, and their random poses."""
+    files, names = import_module("loopid.loading.robot_files"), bundled_robots()
+    original = files.load
+
+    def load(file, **options):
+        plain = not any(value for value in options.values()) and options.get("rounding") is None
+        return load_once(file) if file in names and plain else original(file, **options)
+
+    monkeypatch.setattr(files, "load", load)
 
 
 @pytest.fixture(autouse=True)
@@ -108,9 +121,3 @@ def arm_files(tmp_path_factory):
         motion = wander(arm, seed, seconds=20.0, rate=50.0, size=(1.0, 1.2))
         (folder / name).write_text(logged(arm, motion, terms, noise=0.1, seed=seed))
     return tuple(str(folder / name) for name in ("arm.urdf", "run.csv", "other.csv"))
-
-
-@pytest.fixture(scope="session")
-def friction_values():
-    """Coulomb friction of the knee robot's motors by label."""
-    return {f"leg{limb}_stroke.Fc": value for limb, value in enumerate(FRICTION["Fc"], 1)}

@@ -194,7 +194,7 @@ def test_a_robot_that_moved_is_asked_for(saved, run, tmp_path):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_payload_of_two_logs(five_bar, run, run_json, tmp_path):
-    plan = loopid.motion.read_motion_program("five_bar").motion("sweep", 20)
+    plan = loopid.motion.read_motion_program("five_bar").motion("sweep", 10)
     motion = loopid.motion.joint_motion(five_bar, plan)
     first = five_bar.parameters("full").labels.index("left_coupler.m")
     for name, mass in (("light", 0.0), ("heavy", 1.5)):

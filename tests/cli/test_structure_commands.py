@@ -85,7 +85,8 @@ def test_every_search_and_criterion_answers_and_none_beats_the_exact_one(
 
 
 def test_a_seed_gives_the_same_answer_again(run_json):
-    first, second = (run_json("base", "four_bar", "--seed", "7") for _ in range(2))
+    file = str(URDF / "four_bar.yaml")  # loaded anew
+    first, second = (run_json("base", file, "--seed", "7") for _ in range(2))
     first["search"].pop("seconds")
     second["search"].pop("seconds")
     assert first == second
@@ -373,7 +374,6 @@ def test_check_prints_the_reference_that_chooses_another_mode(both, run_json, wr
     other = file.with_name("other.yaml")
     other.write_text(f"{yaml.safe_dump(yaml.safe_load(file.read_text()))}{text}\n")
     assert [mode["rank"] for mode in record["assembly_modes"]] == [3, 8]
-    assert run_json("base", file, "--model", "full")["rank"] == 3
     assert run_json("check", other)["assembly_modes"] == []
     assert run_json("base", other, "--model", "full")["rank"] == 8
 

@@ -346,7 +346,7 @@ def test_what_no_motion_within_the_limits_excites_is_named(wrist):
 def test_without_other_word_noise_is_a_share_of_the_forces(full):
     """Errors are in proportion to it, and it is of the size of the forces of any good motion."""
     one, two = (
-        loopid.design_motion(full, options=replace(FINE, noise=None, noise_share=share))
+        loopid.design_motion(full, options=replace(QUICK, noise=None, noise_share=share))
         for share in (0.01, 0.02)
     )
     np.testing.assert_allclose(two.noise, 2 * one.noise)

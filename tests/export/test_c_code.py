@@ -158,7 +158,7 @@ def assert_agrees(model, robot, motion=None):
 @pytest.mark.parametrize(
     ("robot", "model"),
     [
-        ("3ups_rpu", "gravity"),
+        pytest.param("3ups_rpu", "gravity", marks=pytest.mark.validate),
         ("five_bar", "full"),
         pytest.param("6ups", "full", marks=pytest.mark.validate),
         pytest.param("delta", "gravity", marks=pytest.mark.validate),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import loopid
+from bank_robots import few_of
 from loopid import JointTerms
 from loopid.errors import DataError, DataWarning, OptionError, RankError
 from loopid.identification import (
@@ -447,7 +448,7 @@ def test_the_model_of_the_errors_converges(logged):
     assert (whole.standard_errors >= first.standard_errors).all()
 
 
-@pytest.mark.parametrize("model", ["gravity", "full"])
+@pytest.mark.parametrize("model", few_of(["gravity", "full"], "full"))
 def test_the_baseline_has_no_negative_friction_or_drive_inertia(load_once, model):
     """A log without any friction, of which least squares makes as many negative as positive."""
     robot = load_once("five_bar")

@@ -381,7 +381,7 @@ def load(tmp_path):
     return loaded
 
 
-@settings(max_examples=15, suppress_health_check=FUNCTION_SCOPED)
+@settings(max_examples=10, suppress_health_check=FUNCTION_SCOPED)
 @given(closures=CLOSURES, more=MORE)
 @example(closures=[tie("2d", ENDS, axes=[[0, 0, 1e200], [0, 1e-200, 0]])], more={})
 @example(closures=[tie("distance", ENDS, length=1e200)], more={})

@@ -163,8 +163,7 @@ def friction_summary(fit: Estimates) -> FrictionSummary:
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
-    >>> found = loopid.identify(loopid.force_model(robot, "full"), [run])
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
     >>> friction = loopid.identification.friction_summary(found.fit)
     >>> friction.joints, round(friction.coulomb[0].value, 2)
     (('left_crank_joint', 'right_crank_joint'), 0.1)
