@@ -55,29 +55,44 @@ def nothing_follows(every: Estimates) -> bool:
     return not (every.quality.r_squared >= NOISE).any()
 
 
-def require_fit_for_use(fit: Estimates, anyway: bool) -> None:
-    """Refuse a fit that is not fit for use, unless ``anyway`` is given: one rule for all ways out.
-
-    It breaks a law, on its logs or by its values, is of a log with a mistake, or leaves a force
-    unexplained.
+def require_sane(fit: Estimates, anyway: bool) -> None:
+    """Refuse a fit that breaks a law, on its logs or by its values, unless ``anyway`` is given.
 
     Raises
     ------
     OptionError
     """
-    broken = fit.broken or tuple(_of_friction(fit))
-    why = (*broken, *fit.mistakes, *fit.unexplained)
-    if anyway or not why:
+    _require((*fit.broken, *(() if fit.broken else _of_friction(fit))), fit, anyway)
+
+
+def require_fit_for_use(fit: Estimates, anyway: bool) -> None:
+    """Refuse a fit for other programs that is not fit for use, unless ``anyway`` is given.
+
+    It breaks a law, is of a log with a mistake, or leaves a force unexplained.
+
+    Raises
+    ------
+    OptionError
+    """
+    require_sane(fit, anyway)
+    _require((*fit.mistakes, *fit.unexplained), fit, anyway)
+
+
+def _require(reasons: tuple[str, ...], fit: Estimates, anyway: bool) -> None:
+    """Refuse a fit for the first of some reasons, and say what to do."""
+    if anyway or not reasons:
         return
-    mend = SANE if broken else UNEXPLAINED
-    if NOTHING_FOLLOWS in broken:
-        mend = "record a motion in which the forces change"
+    because, mend = f", as {reasons[0]}", SANE
     if fit.mistakes:
         mend = f"its log has a mistake, {fit.mistakes[0]}. Then identify again"
-    because = f", as {why[0]}" if why[0] not in fit.mistakes else ""
+        because *= reasons[0] not in fit.mistakes
+    elif reasons[0] == NOTHING_FOLLOWS:
+        mend = "record a motion in which the forces change"
+    elif reasons[0] in fit.unexplained:
+        mend = UNEXPLAINED
     raise OptionError(
         f"the fit is not fit for use{because}: {mend}; anyway=True takes it nevertheless",
-        broken=broken,
+        broken=fit.broken,
         mistakes=fit.mistakes,
     )
 

@@ -14,7 +14,7 @@ from loopid.files import require_other_file, write_file
 from loopid.identification.data import recordings_of, require_some
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
-from loopid.identification.plausibility import require_fit_for_use
+from loopid.identification.plausibility import require_sane
 from loopid.identification.prediction import Prediction, predicted
 from loopid.identification.quality import Quality
 from loopid.identification.saved import FitFile, as_file, require_ending
@@ -160,7 +160,7 @@ class Fit(Estimates):
         fit, own = self, robot if isinstance(robot, Robot) else robot.robot
         if self.model is None and isinstance(robot, ForceModel):
             fit = replace(self, model=robot)
-        require_fit_for_use(fit, anyway)
+        require_sane(fit, anyway)
         if fit.robot != own:
             fit = replace(fit, model=FitFile.of(fit).model_of(own))
         return fit.require_model()
@@ -230,14 +230,13 @@ class Fit(Estimates):
         path : path
             Ending in .yaml, .yml or .json; written whole or not at all.
         anyway : bool
-            Whether a fit is written that is not fit for use: of a log with a mistake, one that
-            breaks a law of sane ones (``absurdities``), or that leaves a force unexplained.
+            Whether a fit is written that breaks a law of sane ones (``absurdities``). One that is
+            not fit for use by its errors, or by a mistake of its log, is written: the file says so.
 
         Raises
         ------
         OptionError
-            When the name ends otherwise, the force model is not known, or the fit is not fit for
-            use.
+            When the name ends otherwise, the force model is not known, or the fit breaks a law.
         FileError
             When the file cannot be written, or is one of the robot's.
 
@@ -258,7 +257,7 @@ class Fit(Estimates):
     def content(self, path: str | Path, *, anyway: bool = False) -> str:
         """What ``save`` writes to a file of that name."""
         require_ending(path)
-        require_fit_for_use(self, anyway)
+        require_sane(self, anyway)
         return as_file(self.record())
 
     def record(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from loopid.identification.candidate import Candidate
 from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
 from loopid.identification.outcome import ROUGH
-from loopid.identification.plausibility import require_fit_for_use
+from loopid.identification.plausibility import require_sane
 from loopid.identification.prediction import Prediction, prediction_reach
 from loopid.identification.result import RECOMMENDED
 from loopid.identification.saved import as_file
@@ -221,7 +221,7 @@ def _fits(found: Identification, record: dict[str, Any], anyway: bool) -> dict[s
     That one may break laws: its file says which, and controllers refuse it.
     """
     try:
-        require_fit_for_use(found.fit, anyway)
+        require_sane(found.fit, anyway)
     except OptionError as refused:
         warn(f"parameters.yaml is not written: {refused}", DataWarning)
         return {}
