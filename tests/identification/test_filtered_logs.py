@@ -297,7 +297,7 @@ def test_a_payload_is_found_with_the_filter_that_predicts_best():
         )
         log = log_of(model, run, 2 * np.pi / 2**10, NOISE, seed=int(2 * carried))
         runs.append([quietly(loopid.prepare, robot, log)])
-    found = quietly(identify_payload, model, "left_coupler", unloaded=runs[0], loaded=runs[1])
+    found = quietly(identify_payload, model, *runs, link="left_coupler")
     k = found.parameters.labels.index("payload.m")
     low, high = found.intervals()[k]
     assert len(found.base.terms[k]) == 1
