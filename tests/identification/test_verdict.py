@@ -208,11 +208,11 @@ def test_a_push_is_named_with_its_time(identified):
     data, time = found.data, found.training[0].motion.time
     pushed = (time > 4.0) & (time < 4.5)
     force = data.force + 3.0 * np.outer(pushed, [0.0, 1.0])
-    stretch = outstanding(found.fit, replace(data, force=force), found.training)
-    assert stretch.motor == "right_crank_joint"
-    assert 4.0 < stretch.start < stretch.end < 4.5
+    burst = outstanding(found.fit, replace(data, force=force), found.training)
+    assert burst.motor == "right_crank_joint"
+    assert 4.0 < burst.start < burst.end < 4.5
     found = replace(found)
-    object.__setattr__(found, "outstanding", stretch)  # as a cached property does
+    object.__setattr__(found, "outstanding", burst)  # as a cached property does
     said = "errors of right_crank_joint stand out between 4.0"
     assert any(each.title.startswith(said) for each in found.findings)
     assert "look at what happened then" in str(found.verdict)

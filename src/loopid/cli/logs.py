@@ -80,7 +80,7 @@ def identify(
     undo_delay: bool = Option(
         True, "--undo-delay/--keep-delay", help="Whether a clear delay of the forces is undone."
     ),
-    anyway: bool = Option(False, "--anyway", help="Save a fit that is not fit for use, too."),
+    anyway: bool = Option(False, "--anyway", help="Save a fit that is absurd, too."),
     n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes that compute the regressors."),
 ) -> None:
     """Identify parameters and friction from logs."""

@@ -25,7 +25,7 @@ from loopid.identification.options import FitOptions
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
 from loopid.identification.sensor_noise import sensor_noise
-from loopid.identification.unseen import Stretch, UnseenErrors, outstanding
+from loopid.identification.unseen import ErrorBurst, UnseenErrors, outstanding
 from loopid.logs.recording import Recording
 from loopid.numbers import number
 from loopid.records import record
@@ -121,8 +121,8 @@ class Outcome:
         return UnseenErrors.of(self.recommended, self.new, runs)
 
     @cached_property
-    def outstanding(self) -> Stretch | None:
-        """The stretch of time in which the recommended fit errs far more than ever else."""
+    def outstanding(self) -> ErrorBurst | None:
+        """The short time in which the recommended fit errs far more than ever else."""
         return outstanding(self.recommended.fit, self.data, self.training)
 
     @cached_property

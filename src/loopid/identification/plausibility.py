@@ -30,8 +30,8 @@ RATES, SLOW = 100, 1e-4
 # below, the force does not follow the motion.
 NOISE = 0.2
 NOTHING_FOLLOWS = "no force follows the motion"
-# Terms that keep the laws on any log, by the estimator that holds friction from driving.
 UNEXPLAINED = f"see {PAGE} for what may be missing"
+# Terms that keep the laws on any log, by the estimator that holds friction from driving.
 SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
 

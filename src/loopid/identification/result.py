@@ -153,7 +153,7 @@ class Fit(Estimates):
         Raises
         ------
         OptionError
-            When the fit is not fit for use (``save``), and is not taken anyway.
+            When the fit breaks a law of sane ones (``absurdities``), and is not taken anyway.
         DataError
             When the robot is another one.
         """
@@ -279,7 +279,8 @@ class Fit(Estimates):
         overwrite : bool
             Whether the robot's own file, or another YAML, may be replaced.
         anyway : bool
-            As of ``save``.
+            Whether a fit is written that is not fit for use: of a log with a mistake, one that
+            breaks a law of sane ones, or that leaves a force unexplained.
 
         Returns
         -------
@@ -313,7 +314,7 @@ class Fit(Estimates):
         name : str, optional
             A C identifier that all names begin with; by default made of the robot's.
         anyway : bool
-            As of ``save``.
+            As of ``to_robot_file``.
 
         Returns
         -------
@@ -339,14 +340,14 @@ class Fit(Estimates):
         Parameters
         ----------
         anyway : bool
-            As of ``save``.
+            As of ``to_robot_file``.
 
         Raises
         ------
         DataError
             When the fit has base parameters only.
         OptionError
-            Naming a closure that Pinocchio has no contact for; as ``save``.
+            Naming a closure that Pinocchio has no contact for; when the fit is not fit for use.
         """
         found: tuple[Any, Any] = fit_exports["Pinocchio"](self, anyway=anyway)
         return found

@@ -24,7 +24,7 @@ from loopid.records import record
 SLOW = 10.0  # percentile of the rates of a motor's samples that are slow
 LEAST_SAMPLES = 10  # that errors are worth looking at
 STANDING = 1e-3  # of its fastest rate, next to a standstill: friction there is breakaway
-# A stretch of time stands out that holds so much of a motor's squared error in so few of its
+# A short time stands out that holds so much of a motor's squared error in so few of its
 # samples, and errs by so much of its force. Errors of a model that is wrong all along come back:
 # half of them take a tenth of the samples at least.
 MOST_ERRORS, FEW_SAMPLES, LARGE = 0.7, 0.08, 0.1
@@ -105,8 +105,8 @@ class UnseenErrors:
 
 
 @record
-class Stretch:
-    """A stretch of time in which errors stand out from those of all others.
+class ErrorBurst:
+    """A short time in which errors stand out from those of all others.
 
     Attributes
     ----------
@@ -127,8 +127,8 @@ class Stretch:
     error: float
 
 
-def outstanding(fit: Fit, data: FitSamples, recordings: Sequence[Recording]) -> Stretch | None:
-    """The stretch of time in which errors of a fit to recordings stand out most, if any does."""
+def outstanding(fit: Fit, data: FitSamples, recordings: Sequence[Recording]) -> ErrorBurst | None:
+    """The short time in which errors of a fit to recordings stand out most, if any does."""
     left, force = data.residual(fit.values), data.problem.force_rms
     time = np.concatenate([run.motion.time for run in recordings])
     found = []
@@ -141,7 +141,7 @@ def outstanding(fit: Fit, data: FitSamples, recordings: Sequence[Recording]) -> 
             error = np.sqrt(squares[own][first:last].mean()) if last else 0.0
             if 0 < last - first <= FEW_SAMPLES * len(squares) and error > LARGE * force[k]:
                 ends = float(stamps[own][first]), float(stamps[own][last - 1])
-                found.append(Stretch(motor, recording.name, *ends, float(error / force[k])))
+                found.append(ErrorBurst(motor, recording.name, *ends, float(error / force[k])))
     return max(found, key=lambda each: each.error, default=None)
 
 

@@ -179,6 +179,7 @@ def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, Floa
     return home, lower, upper
 
 
+@derived
 def least_measure(robot: Robot) -> float:
     """Singularity measure below which poses of a robot count as near a singularity.
 

@@ -216,7 +216,7 @@ def _unidentified_table(found: Identification) -> Table:
 
 
 def _fits(found: Identification, record: dict[str, Any], anyway: bool) -> dict[str, bytes | str]:
-    """The recommended fit, if it is fit for use, and that of all parameters where it is another.
+    """The recommended fit, unless it breaks a law, and that of all parameters where it is another.
 
     That one may break laws: its file says which, and controllers refuse it.
     """
