@@ -47,7 +47,7 @@ BOOKS = [
 NEEDED = {"mujoco_model": "mujoco"}
 
 
-@pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
+@pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_an_example_prints_what_it_promises(script, request, capsys, monkeypatch, tmp_path):
