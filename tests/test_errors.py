@@ -23,6 +23,7 @@ from loopid.errors import (
     RobotFileError,
     SingularityError,
     one_line,
+    shown,
     warn,
 )
 
@@ -33,6 +34,21 @@ def test_messages_are_one_line_that_any_stream_can_write(text):
     assert said.isprintable()
     said.encode()
     assert one_line(said) == said
+
+
+@given(st.text(st.characters(), max_size=200))
+def test_values_in_sentences_keep_both_ends_and_their_quotes(text):
+    said, whole = shown(text), repr(text)
+    assert len(said) <= 60
+    if said != whole:
+        half = (len(said) - 1) // 2
+        assert (said[:half], said[-half:]) == (whole[:half], whole[-half:])
+
+
+def test_a_word_that_is_unknown_keeps_the_name_of_its_file():
+    path = f"/{'folder/' * 20}leg.yaml"
+    with pytest.raises(OptionError, match=r"unknown kind of file '/folder.*/leg\.yaml': choose"):
+        raise OptionError.unknown("kind of file", path, ["robot"])
 
 
 @pytest.mark.parametrize("kind", LoopidError.__subclasses__(), ids=lambda kind: kind.__name__)

@@ -43,7 +43,7 @@ from pydantic_core import ErrorDetails, PydanticKnownError
 from pydantic_core.core_schema import is_instance_schema
 
 from loopid.border import worded
-from loopid.errors import DataError, LoopidError, OptionError
+from loopid.errors import DataError, LoopidError, OptionError, shown
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -226,7 +226,7 @@ def chosen(entries: ArrayLike | slice, name: str, count: int) -> Any:
         what = f"a list of whole numbers from 0 to {count - 1}"
     if not known:
         said = given.shape if given.dtype == bool or given.ndim != 1 else given.tolist()
-        raise DataError(f"{name} must be {what}, not {said!s:.60}", argument=name, given=said)
+        raise DataError(f"{name} must be {what}, not {shown(said)}", argument=name, given=said)
     return given
 
 
@@ -464,7 +464,7 @@ def _refusal(details: list[ErrorDetails], names: list[str]) -> LoopidError:
         kinds = [each["class"].lstrip("_") for each in same if "class" in each]
         kinds = [*dict.fromkeys(ABSTRACT.get(each, each) for each in kinds)]
         makers = " or ".join(MADE_BY[each] for each in kinds if each in MADE_BY)
-        said = f"must be of type {' or '.join(kinds)}, not {_shown(detail['input']):.60}"
+        said = f"must be of type {' or '.join(kinds)}, not {_shown(detail['input'])}"
         own = type(detail["input"])
         part = next((p for k in kinds if (p := PARTS.get(k)) and _has(own, p)), None)
         if part is not None:
@@ -481,7 +481,7 @@ def _has(kind: type, name: str) -> bool:
 
 
 def _shown(given: Any) -> str:
-    return repr(given) if isinstance(given, str | int | float | None) else type(given).__name__
+    return shown(given) if isinstance(given, str | int | float | None) else type(given).__name__
 
 
 def random_generator(seed: int, stream: int = 0) -> np.random.Generator:

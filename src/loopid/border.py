@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from loopid.errors import LoopidError, RobotFileError, near, unknown_word
+from loopid.errors import LoopidError, RobotFileError, near, shown, unknown_word
 
 # In place of pydantic's words, with numbers that one can read.
 WORDS = {
@@ -58,7 +58,7 @@ class Section(BaseModel):
             return content
         if not isinstance(content, dict):
             keys = ", ".join(cls.model_fields)
-            raise ValueError(f"must hold keys among {keys}, not {content!r:.60}")
+            raise ValueError(f"must hold keys among {keys}, not {shown(content)}")
         for key in content:
             if key not in cls.model_fields:
                 raise unknown("key", key, cls.model_fields)
@@ -72,22 +72,22 @@ def unknown(what: str, given: Any, valid: Iterable[str]) -> PydanticCustomError:
     return PydanticCustomError(UNKNOWN, "{said}", facts)
 
 
-def worded(detail: ErrorDetails, shown: Callable[[Any], str] = repr) -> str:
+def worded(detail: ErrorDetails, printed: Callable[[Any], str] = shown) -> str:
     """What is wrong, to follow the name of the value: "must be a number, not 'far'".
 
-    ``shown`` is how the value is printed.
+    ``printed`` is how the value is printed.
     """
     kind, context, given = detail["type"], detail.get("ctx", {}), detail["input"]
     if kind == "value_error":
         return str(context["error"]).strip()
     if kind == "literal_error":
         valid = re.findall(r"'([^']*)'", context["expected"])
-        return f"must be one of {', '.join(valid)}, not {shown(given):.60}{near(given, valid)}"
+        return f"must be one of {', '.join(valid)}, not {printed(given)}{near(given, valid)}"
     said = WORDS[kind].format(**context) if kind in WORDS else detail["msg"]
     for old, new in SHORTER.items():
         said = said.replace(old, new)
     said = said.partition(", unable")[0].partition(", got")[0]
-    return said if kind in COMPLETE else f"{said}, not {shown(given):.60}"
+    return said if kind in COMPLETE else f"{said}, not {printed(given)}"
 
 
 def refusal(

@@ -10,6 +10,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Self
 
+LONGEST_VALUE = 60  # columns of a value in a sentence
+
 
 def one_line(text: str) -> str:
     """The text with escapes for what would break its line or its encoding, as in odd file names."""
@@ -37,11 +39,16 @@ def short_name(name: str, longest: int) -> str:
     return line if width <= longest else f"{line[:half]}…{line[len(line) - half :]}"
 
 
+def shown(value: object) -> str:
+    """A value in a sentence, of a long one both ends: a path ends with the name of its file."""
+    return short_name(repr(value), LONGEST_VALUE)
+
+
 def unknown_word(what: str, given: object, valid: Iterable[str], where: str = "") -> str:
     """Which word is unknown, what it likely was to be, and which words are valid."""
     known = (*valid,)
     listed = ", ".join(known) or "none"
-    return f"unknown {what} {given!r:.60}{where}{near(given, known)}: choose among {listed}"
+    return f"unknown {what} {shown(given)}{where}{near(given, known)}: choose among {listed}"
 
 
 def near(given: object, valid: Iterable[str]) -> str:

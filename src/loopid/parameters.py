@@ -12,7 +12,7 @@ from html import escape
 import numpy as np
 
 from loopid.arguments import IntArray, numbers_of
-from loopid.errors import OptionError
+from loopid.errors import OptionError, shown
 from loopid.records import record
 
 GRAVITY_KINDS = ("m", "mx", "my", "mz")
@@ -48,7 +48,8 @@ class Parameter:
         # Not by ``checked=True``: a robot has hundreds, which are made over and over.
         if not (isinstance(self.link, str) and isinstance(self.kind, str) and self.kind):
             raise OptionError(
-                f"a parameter needs a link and a kind, not {self.link!r:.60} and {self.kind!r:.60}"
+                "a parameter needs a link and a kind, "
+                f"not {shown(self.link)} and {shown(self.kind)}"
             )
         if not self.unit and self.kind in KINDS:
             object.__setattr__(self, "unit", ("kg", "kg m", "kg m²")[self.length_power])

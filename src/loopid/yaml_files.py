@@ -20,7 +20,7 @@ from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 
 from loopid.border import refusal
-from loopid.errors import FileError, LoopidError, RobotFileError
+from loopid.errors import FileError, LoopidError, RobotFileError, shown
 from loopid.files import why_no_file
 
 ENDINGS = (".yaml", ".yml")
@@ -118,7 +118,7 @@ def _repetition(text: str, error: DuplicateKeyError) -> str:
     lines = dict[tuple[str | int, ...], int]()
     for word in _words(YAML(typ="safe", pure=True).compose(text)):
         if word.is_key and word.keys in lines:
-            return f"line {word.line}: key {word.text!r:.60} stands in line {lines[word.keys]} too"
+            return f"line {word.line}: key {shown(word.text)} stands in line {lines[word.keys]} too"
         if word.is_key:
             lines[word.keys] = word.line
     line = error.problem_mark.line + 1
@@ -208,7 +208,7 @@ class _BoundedParser(Parser):
                     f"*{anchor} in line {line} is in what has an anchor (&) itself: write it out"
                 )
         elif getattr(event, "tag", None) is not None:
-            raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
+            raise _BoundError(f"tag {shown(event.tag)} in line {line} is not read: remove it")
         elif isinstance(event, ScalarEvent):
             self._require_plain(event, line)
         elif isinstance(event, CollectionStartEvent):
@@ -226,11 +226,11 @@ class _BoundedParser(Parser):
             raise _BoundError(f"a text in line {line} has more than {LONGEST_TEXT:,} characters")
         if not text.isprintable():
             raise _BoundError(
-                f"texts must be printable and on one line, not {text!r:.60} in line {line}"
+                f"texts must be printable and on one line, not {shown(text)} in line {line}"
             )
         if event.implicit[0] and ODD_NUMBER.fullmatch(text):
             what = "a number with _" if "_" in text else "a number with 0x, 0o or 0b"
-            raise _BoundError(f"{text!r:.60} in line {line} is {what}: quote it if not")
+            raise _BoundError(f"{shown(text)} in line {line} is {what}: quote it if not")
 
 
 def _yaml_problem(error: Exception) -> str:

@@ -240,6 +240,11 @@ def test_columns_of_any_size_make_no_certificate_false():
     assert assert_no_attack_succeeds(range(15)) > 0.9
 
 
+def test_what_a_zero_in_a_null_vector_moves_is_in_the_tolerance():
+    """A part of 2e-9 of the null vector is taken for none: a condition of 2e6 is off by 1e-5."""
+    assert_no_attack_succeeds([2974])
+
+
 @pytest.mark.validate
 def test_columns_of_any_size_make_none_of_ten_thousand_certificates_false():
     assert assert_no_attack_succeeds(range(30, 3200)) > 0.98

@@ -161,7 +161,9 @@ class ChoiceProblem:
         """
         errors, (size, count) = self.structure.null_errors, self.vectors.shape
         if self.criterion == "regressor" or errors is None:
-            return 4 * sqrt(size) * UNIT_ROUND_OFF * condition
+            moved = self.structure.factor_errors if self.criterion == "regressor" else None
+            error = 0.0 if moved is None else float(moved.max())
+            return 2 * sqrt(size) * (2 * UNIT_ROUND_OFF + error) * condition
         lengths = np.linalg.norm(self.vectors, axis=1)
         room = condition * (1 + errors) * lengths
         others = (lengths > 0) & (lengths <= room[:, None])

@@ -60,6 +60,9 @@ class Structure:
         Between which numbers the rank lies where the gap is not clear; None where it is.
     null_errors : FloatArray or None
         (n,), round-off of each row of ``null_basis``, relative to its norm; None for none.
+    factor_errors : FloatArray or None
+        (n,), what zeros in ``null_basis`` change of each column of ``row_factor``, relative to its
+        norm; None for nothing.
 
     Examples
     --------
@@ -81,6 +84,7 @@ class Structure:
     tolerances: RankTolerances = RankTolerances()
     rank_bounds: tuple[int, int] | None = None
     null_errors: FloatArray | None = None
+    factor_errors: FloatArray | None = None
 
     @property
     def precision(self) -> float:
@@ -102,6 +106,7 @@ class Structure:
             columns=self.columns[order],
             null_basis=self.null_basis[order],
             null_errors=None if self.null_errors is None else self.null_errors[order],
+            factor_errors=None if self.factor_errors is None else self.factor_errors[order],
             row_factor=self.row_factor[:, order],
         )
 
@@ -135,6 +140,7 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
         # number and no meaning.
         zero = _precision(found.gap) if coarse else ZERO * error
         none = np.linalg.norm(basis, axis=1) < zero
+        found_basis = basis.copy()
         basis[none] = 0.0
         basis = np.linalg.qr(basis)[0]
         basis[none] = 0.0  # again: the factorisation leaves its own round-off there
@@ -143,6 +149,9 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
         null_errors = np.divide(error, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
         factor = observation.factor[:, columns] * scales
         lost = (factor @ basis) @ basis.T
+        # A row that is not all round-off leaves a part of W when it becomes zero.
+        moved = np.linalg.norm(lost - (factor @ found_basis) @ found_basis.T, axis=0)
+        factor_errors = moved / np.linalg.norm(factor, axis=0)
         values, right = decomposed(factor - lost)
         factor = values[:rank, None] * right[:rank]
         factor -= (factor @ basis) @ basis.T  # so that both have the same regular choices
@@ -158,6 +167,7 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
         tolerances=tolerances,
         rank_bounds=found.bounds,
         null_errors=null_errors,
+        factor_errors=factor_errors,
     )
 
 

@@ -15,7 +15,7 @@ from typer import Argument, Option
 from loopid.cli import completion
 from loopid.cli.advice import command_with, in_options
 from loopid.cli.shell import answering, with_options
-from loopid.errors import OptionError
+from loopid.errors import OptionError, shown
 from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
 from loopid.progress import progress_bar
 
@@ -430,7 +430,7 @@ def schema(
 def macro_arguments(given: Sequence[str] | None) -> dict[str, str]:
     """KEY:=VALUE by key."""
     if not all(":=" in text for text in given or ()):
-        raise OptionError(f"--xacro takes KEY:=VALUE, not {' '.join(given or ())!r:.60}")
+        raise OptionError(f"--xacro takes KEY:=VALUE, not {shown(' '.join(given or ()))}")
     return dict(text.partition(":=")[::2] for text in given or ())
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from loopid.arguments import FloatArray, Positive
-from loopid.errors import OptionError, SingularityError
+from loopid.errors import OptionError, SingularityError, shown
 from loopid.excitation.criteria import CRITERIA, Criterion
 from loopid.excitation.limits import Bounds
 from loopid.excitation.shapes import SHAPES, Shape
@@ -121,7 +121,7 @@ class DesignOptions:
         for joint, size in each.items():
             if not (isinstance(size, int | float) and isfinite(size) and size > 0):
                 raise OptionError(
-                    f"noise must be a number above 0, not {size!r:.60} of {joint}",
+                    f"noise must be a number above 0, not {shown(size)} of {joint}",
                     argument="noise",
                     given=self.noise,
                 )

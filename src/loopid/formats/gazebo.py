@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pinocchio as pin
 from lxml import etree
 
-from loopid.errors import naming
+from loopid.errors import naming, shown
 from loopid.loading import xml_elements as xml
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
@@ -98,9 +98,9 @@ def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
     owners = dict.fromkeys(owner for _, _, owner, _ in detachable_joints(urdf.root))
     return (
         *(
-            f"a DetachableJoint holds another model, {owner!r:.60}: it is not read"
+            f"a DetachableJoint holds another model, {shown(owner)}: it is not read"
             for owner in owners
             if not _is_own(urdf, owner)
         ),
-        *(f"plugin {file!r:.80} is not read: {do}" for file, do in advice.items()),
+        *(f"plugin {shown(file)} is not read: {do}" for file, do in advice.items()),
     )

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import LARGEST, BoolArray
-from loopid.errors import FileError, RobotFileError, naming, optional
+from loopid.errors import FileError, RobotFileError, naming, optional, shown
 from loopid.formats.mjcf_compiler import compile_guarded
 from loopid.loading.xml_elements import Element, label, read_xml
 from loopid.robot.robot import LeftOut
@@ -160,7 +160,7 @@ def _refuse_nan(root: Element) -> None:
     for element in root.iter("*"):
         for key, value in element.attrib.items():
             if key not in ("name", "class") and "nan" in str(value).lower().split():
-                raise RobotFileError(f"{label(element)}: {key} must be numbers, not {value!r:.60}")
+                raise RobotFileError(f"{label(element)}: {key} must be numbers, not {shown(value)}")
 
 
 def _refuse_odd_numbers(compiled: mujoco.MjModel) -> None:
@@ -185,7 +185,7 @@ def text_at(compiled: mujoco.MjModel, address: int) -> str:
     names = compiled.names
     text = str(names[address : names.index(b"\0", address)].decode(errors="backslashreplace"))
     if not text.isprintable():
-        raise RobotFileError(f"names must be printable and on one line, not {text!r:.60}")
+        raise RobotFileError(f"names must be printable and on one line, not {shown(text)}")
     return text
 
 

@@ -18,7 +18,7 @@ import pinocchio as pin
 from lxml import etree
 
 from loopid.arguments import FloatArray, number
-from loopid.errors import OptionError, RobotFileError, naming
+from loopid.errors import OptionError, RobotFileError, naming, shown
 from loopid.formats.gazebo import detachable_joints
 from loopid.inertia import written
 from loopid.loading import xml_elements as xml
@@ -526,7 +526,7 @@ class _Sdf:
             if missing:
                 yield f"{edge.name} has no <{'>, <'.join(missing)}>: z, as SDF says"
         for owner in dict.fromkeys(self.held):
-            yield f"a DetachableJoint holds another model, {owner!r:.60}: it is not read"
+            yield f"a DetachableJoint holds another model, {shown(owner)}: it is not read"
         if self.static:
             yield f"static models are not read: {shortened(self.static)}"
         if bare:
@@ -600,7 +600,7 @@ def _add_limits(joint: xml.Element, kind: str, axis: xml.Element) -> str:
         text = xml.text_at(axis, f"limit/{key}")
         value = number(text) if text else default
         if np.isnan(value):
-            raise RobotFileError(f"<{key}> must be a number, not {text!r:.60}")
+            raise RobotFileError(f"<{key}> must be a number, not {shown(text)}")
         # A negative effort or velocity is none; a URDF says zero.
         bounded = min(max(value, -UNLIMITED), UNLIMITED)
         values[key] = repr(bounded if key in ("lower", "upper") else max(bounded, 0.0))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from loopid.arguments import number
-from loopid.errors import LogError
+from loopid.errors import LogError, shown
 from loopid.files import LONGEST_LINE, text_blocks, why_no_file
 from loopid.logs.signals import is_unit
 from loopid.logs.table import (
@@ -279,7 +279,7 @@ def _first_lines(path: Path) -> tuple[str, list[Line]]:
             text = text.removeprefix("\ufeff") if row == 1 else text
             if not lines and not text.replace("\t", " ").isprintable():
                 wide = ": is it in UTF-16? Save it in UTF-8" if "\x00" in text else ""
-                said = f"{path} is no text: row {row} is {text!r:.60}{wide}"
+                said = f"{path} is no text: row {row} is {shown(text)}{wide}"
                 raise LogError(said, file=path)
             if not lines and text.startswith(COMMENTS):
                 comment = text.lstrip("".join(COMMENTS)).strip()

@@ -24,7 +24,7 @@ from loopid.arguments import FloatArray, frozen
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure, analyse
-from loopid.errors import DataError, FileError, LoopidError, OptionError
+from loopid.errors import DataError, FileError, LoopidError, OptionError, shown
 from loopid.files import near_file, why_no_file
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
@@ -128,7 +128,7 @@ class FitFile:
             raise DataError(f"{path} is not a saved fit: its version is missing", file=path)
         if content["version"] != VERSION:
             raise DataError(
-                f"{path} is a fit in form {content['version']!r:.60}, and this loopid reads "
+                f"{path} is a fit in form {shown(content['version'])}, and this loopid reads "
                 f"form {VERSION}: identify the log again and save the fit",
                 field="version",
             )

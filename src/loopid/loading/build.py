@@ -10,7 +10,15 @@ from typing import Any
 
 import pinocchio as pin
 
-from loopid.errors import MobilityError, ModelWarning, OptionError, RobotFileError, naming, warn
+from loopid.errors import (
+    MobilityError,
+    ModelWarning,
+    OptionError,
+    RobotFileError,
+    naming,
+    shown,
+    warn,
+)
 from loopid.loading.checks import warn_of_findings
 from loopid.loading.description import Description, merged
 from loopid.loading.model_closures import find_closures, find_couplings, frame_named
@@ -101,7 +109,7 @@ def _require_printable_names(tree: TreeSource, description: Description) -> None
     platform = description.platform.coordinates if description.platform else ()
     for name in (tree.name, *tree.model.names, *frames, *description.identical, *platform):
         if not name.isprintable():
-            raise RobotFileError(f"names must be printable and on one line, not {name!r:.60}")
+            raise RobotFileError(f"names must be printable and on one line, not {shown(name)}")
 
 
 def _motors(where: object, tree: TreeSource) -> tuple[str, ...]:

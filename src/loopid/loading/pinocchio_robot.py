@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import OptionError
+from loopid.errors import OptionError, shown
 from loopid.loading.build import build_robot
 from loopid.loading.closure import Closure, Coupling, with_more
 from loopid.loading.description import Description, Rounding
@@ -94,7 +94,7 @@ def from_pinocchio(
         )
     if not model.name.isprintable():
         raise OptionError(
-            f"the model's name must be printable and on one line, not {model.name!r:.60}",
+            f"the model's name must be printable and on one line, not {shown(model.name)}",
             given=model.name,
         )
     tree = model.copy()

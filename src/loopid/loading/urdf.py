@@ -17,7 +17,7 @@ from lxml import etree
 
 from loopid.arguments import checked_outside, number
 from loopid.border import validated
-from loopid.errors import RobotFileError, naming
+from loopid.errors import RobotFileError, naming, shown
 from loopid.loading import xml_elements as xml
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.model_closures import warn_of_size
@@ -351,7 +351,7 @@ def coefficients(element: xml.Element) -> dict[str, float]:
         if text and COEFFICIENTS[name] not in found:
             found[COEFFICIENTS[name]] = value = number(text)
             if not math.isfinite(value):
-                raise RobotFileError(f"<{name}> must be a finite number, not {text!r:.60}")
+                raise RobotFileError(f"<{name}> must be a finite number, not {shown(text)}")
     return found
 
 

@@ -16,7 +16,7 @@ import pinocchio as pin
 from lxml import etree
 
 from loopid.arguments import checked_outside
-from loopid.errors import ModelWarning, RobotFileError, naming, warn
+from loopid.errors import ModelWarning, RobotFileError, naming, shown, warn
 from loopid.inertia import Inertial
 from loopid.loading import xml_elements as xml
 from loopid.robot.robot import shortened
@@ -95,7 +95,7 @@ def read_urdf_file(path: Path, root: xml.Element | None = None) -> UrdfFile:
         # Numbers as Python writes them: Pinocchio's parser knows fewer spellings.
         name = " ".join(root.get("name", "").split())
         if not name.isprintable():
-            raise RobotFileError(f"the name of <robot> must be printable, not {name!r:.60}")
+            raise RobotFileError(f"the name of <robot> must be printable, not {shown(name)}")
         _warn_of_repetition(path, root)
         copy = etree.Element("robot", {"name": name})
         second, carried = list[xml.Element](), set[str]()

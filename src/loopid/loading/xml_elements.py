@@ -13,7 +13,7 @@ import pinocchio as pin
 from lxml import etree
 
 from loopid.arguments import LARGEST
-from loopid.errors import RobotFileError
+from loopid.errors import RobotFileError, shown
 
 Element = etree._Element
 REQUIRED = ("mass", "inertia", "parent", "child")  # tags that must be there, once
@@ -102,7 +102,7 @@ def required(element: Element, attribute: str) -> str:
     if not text:
         raise RobotFileError(f"{label(element)} has no {attribute}")
     if not text.isprintable():
-        raise RobotFileError(f"{label(element)}: {attribute} must be printable, not {text!r:.60}")
+        raise RobotFileError(f"{label(element)}: {attribute} must be printable, not {shown(text)}")
     return text
 
 
@@ -135,7 +135,7 @@ def numbers_in(
     except ValueError:
         values = ()
     if len(values) != count or not all(map(math.isfinite, values)):
-        raise RobotFileError(f"{what} must be {WORDS[count]}, not {text!r:.60}")
+        raise RobotFileError(f"{what} must be {WORDS[count]}, not {shown(text)}")
     if max(map(abs, values)) > most:
         raise RobotFileError(f"{what} is too large: {text}")
     return values
