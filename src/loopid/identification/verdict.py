@@ -333,8 +333,9 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
 
 def _wrong(found: Outcome) -> Iterator[Finding]:
     """What another motion does not mend, the likeliest cause first."""
-    passing = _passing(found)
+    passing, change = _passing(found), found.load_change
     yield from () if passing is None else (passing,)
+    yield from () if change is None else (change.finding(len(found.training) > 1),)
     others = [each for each in (_better(found), _unexplained(found)) if each is not None]
     turning = _turning_friction(found) if others else None
     yield from others if turning is None else (turning, *others)
