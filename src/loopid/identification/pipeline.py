@@ -39,7 +39,7 @@ from loopid.identification.information import (
 )
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut
-from loopid.identification.log_mistakes import LogFaults, log_faults_by_log, singular_poses
+from loopid.identification.log_mistakes import LogFaults, log_faults_by_log
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
@@ -177,7 +177,9 @@ def identify(
     choice, force_model = _model_of(robot, groups[0], options)
     runs = _Runs.of(groups, judged=validation is not None, fraction=options.fraction)
     runs, delay, cutoff, faults = _in_time(force_model, runs, options)
-    fits = _fitted(force_model, runs, references, delay, options)
+    fitted = {run.name for run in runs.training}
+    singular = any(log.singular is not None for log in faults if log.recording in fitted)
+    fits = _fitted(force_model, runs, references, delay, options, singular=singular)
     fits = fits.with_origin(runs, delay, cutoff, faults)
     for each in (delay, fits.excited):
         if each is not None:
@@ -271,6 +273,8 @@ def _fitted(
     references: Sequence[JointMotion],
     delay: Delay | None,
     options: FitOptions,
+    *,
+    singular: bool,
 ) -> _Fits:
     """The robot file with fitted joint terms, all parameters, and all of solid bodies."""
     force_model, data, first = _sampled(force_model, runs, references, options)
@@ -290,8 +294,7 @@ def _fitted(
                 data = force_model.widened(data, runs.training)
             solid = quiet_consistent_fit(force_model, data, whole.require_noise(), known)
             warn_of_bodies(force_model, solid.result)
-        # Singular poses look like any force.
-        if singular_poses(runs.training) is None:
+        if not singular:  # near such poses errors look like any force
             missing = missing_forces(solid, force_model, runs.training, delay)
         regions = _errors_by_region(solid, data)
     least = whole.noise if solid is None else solid.result.noise

@@ -315,8 +315,9 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
 
 def _wrong(found: Outcome) -> Iterator[Finding]:
     """What another motion does not mend, the likeliest cause first."""
-    passing = _passing(found)
+    passing, change = _passing(found), found.load_change
     yield from () if passing is None else (passing,)
+    yield from () if change is None else (change.finding(len(found.training) > 1),)
     others = [each for each in (_better(found), _unexplained(found)) if each is not None]
     if found.fit.turning and (others or found.force_model.free_friction):
         yield _turning_friction(found)
