@@ -112,6 +112,7 @@ class Estimates(Tabular):
     model: ForceModel | None = field(default=None, compare=False, repr=False)
     settled: bool = True
     mistakes: tuple[str, ...] = ()
+    turning: tuple[str, ...] = ()
     unseen_rms: FloatArray | None = None
     broken: tuple[str, ...] = ()
     unexplained: tuple[str, ...] = ()

@@ -7,6 +7,7 @@ is fit for nothing, whatever its errors. It is not saved, nor given to a control
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -30,6 +31,10 @@ RATES, SLOW = 100, 1e-4
 NOISE = 0.2
 NOTHING_FOLLOWS = "no force follows the motion"
 UNEXPLAINED = f"see {PAGE} for what may be missing"
+WHOLE_FORCE = (
+    "log the whole force: a part that grows with speed is missing or turned, as what a drive adds "
+    "by itself"
+)
 # Terms that keep the laws on any log, by the estimator that holds friction from driving.
 SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
@@ -37,10 +42,11 @@ SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 def absurdities(fit: Estimates, data: FitSamples) -> tuple[str, ...]:
     """Laws that a fit of a force model breaks, a sentence each; none for a sane one.
 
-    Friction of a motor does not drive, clear of its band. Nor is it by a tenth more than the
-    largest force that the motor showed, at any rate up to the fastest of the log. No two joint
-    terms, nor one and the bodies, cancel to less than a hundredth of their size. No joint term is
-    more than all of the motor's force. Samples are those that were fitted.
+    Friction of a motor does not drive, clear of its band, unless forces hold what drives add
+    (``Fit.turning``). Nor is it by a tenth more than the largest force that the motor showed, at
+    any rate up to the fastest of the log. No two joint terms, nor one and the bodies, cancel to
+    less than a hundredth of their size. No joint term is more than all of the motor's force.
+    Samples are those that were fitted.
     """
     found = [*_of_friction(fit)]
     for row in range(len(data.actuators)):
@@ -67,14 +73,16 @@ def require_sane(fit: Estimates, anyway: bool) -> None:
 def require_fit_for_use(fit: Estimates, anyway: bool) -> None:
     """Refuse a fit for other programs that is not fit for use, unless ``anyway`` is given.
 
-    It breaks a law, is of a log with a mistake, or leaves a force unexplained.
+    It breaks a law, is of a log with a mistake, leaves a force unexplained, or has friction that
+    drives.
 
     Raises
     ------
     OptionError
     """
     require_sane(fit, anyway)
-    _require((*fit.mistakes, *fit.unexplained), fit, anyway)
+    driving = _of_friction(replace(fit, turning=())) if fit.turning else ()
+    _require((*fit.mistakes, *fit.unexplained, *driving), fit, anyway)
 
 
 def _require(reasons: tuple[str, ...], fit: Estimates, anyway: bool) -> None:
@@ -87,6 +95,8 @@ def _require(reasons: tuple[str, ...], fit: Estimates, anyway: bool) -> None:
         because *= reasons[0] not in fit.mistakes
     elif reasons[0] == NOTHING_FOLLOWS:
         mend = "record a motion in which the forces change"
+    elif fit.turning:
+        mend = WHOLE_FORCE
     elif reasons[0] in fit.unexplained:
         mend = UNEXPLAINED
     raise OptionError(
@@ -110,6 +120,7 @@ def _of_friction(fit: Estimates) -> Iterator[str]:
             curve = friction_curve(fit, joint, way * rates)
             values, ends = way * curve.values, (way * curve.band).max(axis=1)
             drives = (values < -SMALL * most) | ((values < -SOLVED_ROUND_OFF * most) & (ends < 0))
+            drives &= not fit.turning
             if values.max() > (1 + SMALL) * most:
                 k = int(values.argmax())
                 yield (

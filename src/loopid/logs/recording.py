@@ -176,6 +176,11 @@ class RateHistory:
             return signal
         return np.interp(rows, rows[~stuck], signal[~stuck])
 
+    @property
+    def reach(self) -> float:
+        """Time in s over which the filter spreads what happens in one sample."""
+        return max(reach_of(self.lowpass, rate) / rate for rate in self.rates)
+
     def directions(self, joint: str) -> FloatArray:
         """Signs (M,) of the rate of a motor, as friction follows them."""
         return self.bridged(joint, np.sign(self.velocity[:, self.joints.index(joint)]))
