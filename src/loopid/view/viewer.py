@@ -395,8 +395,8 @@ def open_viewer(
     ----------
     robot : Robot
     files : sequence of path
-        Saved fits, or their folders, and a log or a motion file, whose first motion is meant, or a bundled robot's
-        name for its motion.
+        Saved fits or their folders, and a log or a motion file, whose first motion is meant, or a
+        bundled robot's name for its motion.
     mapping : LogMapping or path, optional
         Which columns of a log are what; see ``read_log``.
     port : int
