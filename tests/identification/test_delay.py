@@ -15,6 +15,7 @@ from loopid.identification.delay import (
     CLEAR,
     USUAL,
     Delay,
+    _confirmed,
     _disagreement,
     _left_open,
     _over_bands,
@@ -220,6 +221,33 @@ def test_motors_that_agree_share_a_delay_and_one_that_does_not_has_its_own(case)
     found = find_delay(model, [late], cutoff=BAND)
     assert found.undone[0] == found.each[0] == pytest.approx(0.01, abs=0.001)
     assert not found.undone[1:].any()
+
+
+def test_motors_that_all_differ_have_each_its_own_delay(load_once):
+    robot, late = load_once("3rrr"), np.array([0.002, 0.006, 0.01])
+    terms = JointTerms(robot.actuated, ("Fc", "Fv"))
+    model = loopid.force_model(robot, "full", terms)
+    motion = wander(robot, 2, 5.0, RATE, size=(0.2,) * 3)
+    run = simulated(robot, motion, None, terms=(terms, np.tile([0.1, 0.05], 3)))
+    log = unchecked(run.time, run.position, run.exact_force, robot.actuated)
+    found = find_delay(model, [prepared(model, noisy(log, late, noise=NOISE / 5))], cutoff=BAND)
+    assert found.undone == pytest.approx(late, abs=0.001)
+    assert (np.abs(found.undone - late) < 2 * np.ptp(found.intervals, axis=1) / 2).all()
+    assert found.left == pytest.approx(np.ptp(found.intervals, axis=1) / 2 / 1.96, rel=0.01)
+
+
+def test_of_motors_that_differ_only_what_another_delay_has_too_is_undone():
+    each, ends = np.array([0.01, 0.004, 0.001]), np.array([-0.002, 0.002])
+    undone, left = np.array([0.01, 0.004, 0.0]), np.full(3, 0.001)
+    between = each[:, None] + ends
+    moved = Delay(("a", "b", "c"), 0.005, (0.0, 0.01), each, between, 0.005, undone, left)
+    other = replace(moved, intervals=moved.intervals - [[0.0], [0.003], [0.0]])
+    kept = _confirmed(moved, other)
+    assert kept.undone == pytest.approx([0.01, 0.0, 0.0])
+    assert kept.left[0] == 0.001
+    assert kept.left[1] > 0.001
+    nothing = replace(moved, intervals=moved.intervals - 0.02)
+    assert not _confirmed(moved, nothing).clear
 
 
 def test_forces_that_the_model_lacks_are_no_delay(case):

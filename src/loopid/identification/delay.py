@@ -75,8 +75,8 @@ BLOCKS = 20
 # Forces at most that are looked at in a band wider than the motion's: this many take a second. The
 # narrowest band, relative to that.
 MOST, LOWEST = 12_000, 0.7
-# A delay is clear from this many steps of the log on, and times half of its 95 % interval;
-# of a motor that differs from the others, for which its delay is undone alone, this many times.
+# A delay is clear from this many steps of the log on, and times half of its 95 % interval. Where a
+# motor differs from the others by this many times, each clear one is undone alone.
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
 # Half of an interval in s from which on it excludes no possible delay: slow motions.
 VAGUE = 0.05
@@ -270,14 +270,28 @@ def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[De
     if slips or not _sharpens(plain, robust):
         taken, other = robust, plain
     # What is undone is there in either way, or by the only one that knows it.
-    sure = _has(other, taken.undone) or (taken is robust and not known)
-    return (taken if sure else _kept(taken)), slips
+    sure = taken is robust and not known
+    return (taken if sure else _confirmed(taken, other)), slips
 
 
-def _has(delay: Delay, undone: FloatArray) -> bool:
-    """Whether intervals of what was undone (m,), in common or alone, are without zero."""
-    alone = delay.intervals[undone != 0] if np.ptp(undone) else np.array([delay.interval])
-    return bool((np.sign(alone).prod(axis=1) > 0).all())
+def _confirmed(delay: Delay, other: Delay) -> Delay:
+    """A delay of which that is undone whose side of zero another one's interval is on, too."""
+    if not np.ptp(delay.undone):
+        same = (np.sign(other.interval) == np.sign(delay.common)).all()
+        return delay if same else _kept(delay)
+    same = (np.sign(other.intervals) == np.sign(delay.undone)[:, None]).all(axis=1)
+    undone = np.where(same, delay.undone, 0.0)
+    if not undone.any():
+        return _kept(delay)
+    left = np.where(undone == delay.undone, delay.left, _each_left_open(delay))
+    return replace(delay, undone=undone, left=left)
+
+
+def _each_left_open(delay: Delay) -> FloatArray:
+    """Deviations in s (m,) of delays of motors that are not clear."""
+    errors = np.ptp(delay.intervals, axis=1) / 2 / NORMAL_95
+    pairs = zip(delay.each, errors, strict=True)
+    return np.array([_left_open(own, error, delay.step) for own, error in pairs])
 
 
 def _kept(delay: Delay) -> Delay:
@@ -679,13 +693,13 @@ class _Search:
         error = error * _disagreement(each, errors) if settled else np.inf
         common, half = float(shift[0]), NORMAL_95 * error
         undone = np.zeros(count)
-        single = [k for k in range(count) if self._stands_out(k, each, errors)]
-        if single:
-            undone[single] = each[single]
+        if any(self._stands_out(k, each, errors) for k in range(count)):
+            own = [self._clear(each[k], NORMAL_95 * errors[k]) for k in range(count)]
+            undone = np.where(own, each, 0.0)
         elif self._clear(common, half):
             undone[:] = common
         m, ends = len(joints), NORMAL_95 * np.multiply.outer(errors, [-1.0, 1.0])
-        return Delay(
+        found = Delay(
             joints=joints,
             common=common,
             interval=(common - half, common + half),
@@ -693,30 +707,23 @@ class _Search:
             intervals=np.array(np.broadcast_to(each[:, None] + ends, (m, 2))),
             step=self.forces.step,
             undone=np.array(np.broadcast_to(undone, m)),
-            left=self._left(common, error, undone, errors),
+            left=np.array([error]),
         )
-
-    def _left(
-        self, common: float, error: float, undone: FloatArray, errors: FloatArray
-    ) -> FloatArray:
-        """Standard deviation in s of what is left in the log, of all motors or of each."""
-        if np.ptp(undone):
-            return np.where(undone != 0, errors, 0.0)
-        if undone.any():
-            return np.array([error])
-        return np.array([_left_open(common, error, self.forces.step)])
+        if not undone.any():
+            return _kept(found)
+        if not np.ptp(undone):
+            return found
+        return replace(found, left=np.where(undone != 0, errors, _each_left_open(found)))
 
     def _stands_out(self, k: int, delays: FloatArray, errors: FloatArray) -> bool:
-        """Whether a motor has clearly a delay of its own, and the others none like it."""
+        """Whether a motor has clearly a delay of its own, far from the mean of the others."""
         others = np.delete(np.arange(len(delays)), k)
         if not np.isfinite(errors[others]).any():
             return False
         mean = np.average(delays[others], weights=errors[others] ** -2)
-        scale = _disagreement(delays[others], errors[others]) * NORMAL_95 * ALONE
         own = self._clear(delays[k], NORMAL_95 * errors[k])
-        return own and abs(delays[k] - mean) > scale * np.hypot(
-            errors[k], (errors[others] ** -2).sum() ** -0.5
-        )
+        error = np.hypot(errors[k], (errors[others] ** -2).sum() ** -0.5)
+        return own and abs(delays[k] - mean) > ALONE * NORMAL_95 * error
 
     def _clear(self, delay: float, half: float) -> bool:
         """Whether a delay is clear, by half of its 95 % interval."""

@@ -7,8 +7,8 @@ axis may be a factor off. One is found that raises the evidence of the data clea
 (``evidence.py``), and more than any force that the robot file lacks. After it the file must explain
 the shape of the forces. It is undone before the next is looked for. Wrong bodies alone do not look
 like a mistake of one motor: all motors carry them. Forces that are seconds late are found first
-(``log_timing.py``). Where a log passes singular poses, nothing is looked for: forces that grow
-without bound there spoil those beside them once they are filtered.
+(``log_timing.py``). Where a log passes singular poses, samples clear of these count: forces that
+grow without bound there spoil those beside them once they are filtered.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ BY_HAND = Finding(
     "record a motion that its motors make",
 )
 # A pose is near a singularity from this part of the median measure of a log on; forces there count
-# where they are this many times as large as elsewhere.
-NEAR, AMPLIFIED = 0.1, 3.0
+# where they are this many times as large as elsewhere. Poses are clear of one from another part on.
+NEAR, AMPLIFIED, CLEAR_OF = 0.1, 3.0, 0.3
 MATTERS = 0.1  # of what bodies may be off, that a zero must move them by to be worth a sentence
 
 
@@ -92,7 +92,7 @@ class LogFaults:
     hidden : Finding or None
         Mistakes that the log would not show: forces are explained about as well with them.
     singular : Finding or None
-        Singular poses that the log passes: no mistakes are looked for in it.
+        Singular poses that the log passes: mistakes are looked for in the samples clear of these.
     """
 
     recording: str
@@ -138,13 +138,16 @@ def log_faults(
     """
     log = recordings[0].log
     held = () if log is None else tuple(held_values(log))
-    nothing = LogFaults(recordings[0].name, (), held)
-    if (singular := singular_poses(recordings)) is not None:
-        return replace(nothing, singular=singular)
+    singular = singular_poses(recordings)
+    nothing = LogFaults(recordings[0].name, (), held, singular=singular)
     if robot.free or not robot.standard_parameters("full").any():
         return nothing  # positions that were not measured, or nothing to compare with
     with one_blas_thread():
         recordings = [in_motion_band(robot, one) for one in recordings]
+        if singular is not None:
+            recordings = _clear_of_singular(recordings)
+            if not recordings:
+                return nothing
         late = late_by_seconds(robot, recordings)
         if late is not None:  # all else would be judged with forces of other positions
             return replace(nothing, mistakes=(late, *held))
@@ -157,8 +160,8 @@ def log_faults(
     # Friction alone explains the forces of a motor whose gain may as well be 0.
     some = (one for one in gains if np.prod(one.interval) > 0)
     known = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
-    hidden = None if mistakes else _hidden(model, found)
-    return LogFaults(recordings[0].name, known, (*mistakes, *held), hidden)
+    hidden = None if mistakes or singular else _hidden(model, found)
+    return LogFaults(nothing.recording, known, (*mistakes, *held), hidden, singular)
 
 
 def singular_poses(recordings: Sequence[Recording]) -> Finding | None:
@@ -193,6 +196,22 @@ def singular_poses(recordings: Sequence[Recording]) -> Finding | None:
         f"{why}; {lost[0]} were left out" if lost else why,
         "record a motion that keeps away from these poses, as loopid excite designs",
     )
+
+
+def _clear_of_singular(recordings: Sequence[Recording]) -> list[Recording]:
+    """Samples away from singular poses, and from what the filter spreads of the forces there."""
+    median = float(np.median(np.concatenate([run.motion.singularity for run in recordings])))
+    kept = []
+    for run in recordings:
+        time, measure = run.motion.time, run.motion.singularity
+        near = np.append(time[measure < NEAR * median], np.inf)
+        after = np.searchsorted(near, time)
+        spread = np.minimum(near[after] - time, time - np.append(-np.inf, near)[after])
+        reach = 0.0 if run.history is None else run.history.reach
+        clear = (measure >= CLEAR_OF * median) & (spread > reach)
+        if clear.any():
+            kept.append(run.select(clear))
+    return kept
 
 
 def _raw_force(run: Recording) -> FloatArray:

@@ -28,7 +28,7 @@ from loopid.identification.delay import Delay, in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_models import AUTOMATIC, ForceModel, force_model, samples_of
-from loopid.identification.friction import motor_use, with_friction
+from loopid.identification.friction import allowing_drives, motor_use, with_friction
 from loopid.identification.identification import Identification, split_recordings
 from loopid.identification.information import (
     Excitation,
@@ -39,7 +39,7 @@ from loopid.identification.information import (
 )
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut
-from loopid.identification.log_mistakes import LogFaults, log_faults_by_log, singular_poses
+from loopid.identification.log_mistakes import LogFaults, log_faults_by_log
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
@@ -177,7 +177,9 @@ def identify(
     choice, force_model = _model_of(robot, groups[0], options)
     runs = _Runs.of(groups, judged=validation is not None, fraction=options.fraction)
     runs, delay, cutoff, faults = _in_time(force_model, runs, options)
-    fits = _fitted(force_model, runs, references, delay, options)
+    fitted = {run.name for run in runs.training}
+    singular = any(log.singular is not None for log in faults if log.recording in fitted)
+    fits = _fitted(force_model, runs, references, delay, options, singular=singular)
     fits = fits.with_origin(runs, delay, cutoff, faults)
     for each in (delay, fits.excited):
         if each is not None:
@@ -241,6 +243,7 @@ class _Fits(NamedTuple):
     excited: Identifiability
     missing: tuple[MissingForce, ...]
     regions: FloatArray | None  # errors (dof,) of the consistent one, by estimates without each
+    turning: tuple[str, ...]  # joints whose friction changes its sign with speed
 
     def with_origin(
         self,
@@ -255,6 +258,7 @@ class _Fits(NamedTuple):
             "cutoff": None if cutoff is None else cutoff.chosen,
             "use": motor_use(self.force_model, self.data, runs.training),
             "mistakes": tuple(map(str, found)),
+            "turning": self.turning,
         }
         fits = {
             name: replace(with_delay_errors(fit, self.data, runs.training, delay), **origin)
@@ -269,6 +273,8 @@ def _fitted(
     references: Sequence[JointMotion],
     delay: Delay | None,
     options: FitOptions,
+    *,
+    singular: bool,
 ) -> _Fits:
     """The robot file with fitted joint terms, all parameters, and all of solid bodies."""
     force_model, data, first = _sampled(force_model, runs, references, options)
@@ -276,6 +282,7 @@ def _fitted(
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
     whole = fit_all(force_model, data, excited, first=first, options=options)
+    force_model, turning = allowing_drives(force_model, data, runs.training, whole)
     solid, known, missing, regions = None, None, tuple[MissingForce, ...](), None
     if options.name == "wls":
         if force_model.automatic and first is None:
@@ -287,8 +294,7 @@ def _fitted(
                 data = force_model.widened(data, runs.training)
             solid = quiet_consistent_fit(force_model, data, whole.require_noise(), known)
             warn_of_bodies(force_model, solid.result)
-        # Singular poses look like any force.
-        if singular_poses(runs.training) is None:
+        if not singular:  # near such poses errors look like any force
             missing = missing_forces(solid, force_model, runs.training, delay)
         regions = _errors_by_region(solid, data)
     least = whole.noise if solid is None else solid.result.noise
@@ -300,7 +306,7 @@ def _fitted(
     refits = _refits(
         force_model, fits, excited, own_data, first=first, known=known, options=options
     )
-    return _Fits(force_model, data, fits, refits, excited, missing, regions)
+    return _Fits(force_model, data, fits, refits, excited, missing, regions, turning)
 
 
 def _judged(

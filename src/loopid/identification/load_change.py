@@ -1,0 +1,177 @@
+"""A load that comes or goes within a log: bodies differ from a time on.
+
+All parameters are fitted to the whole log. Beside them one body at a time may have another mass and
+another centre from a time on, which adds four columns. Sums of products of the columns, over blocks
+of samples, say for each time and body how much of the errors goes. A model that is wrong all along
+loses little by that. Rivals are forces of each motor that have another size or zero from then on,
+or drift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from loopid.arguments import FloatArray, IntArray, row_blocks
+from loopid.findings import Finding
+from loopid.identification.force_models import ForceModel
+from loopid.identification.problem import FitSamples
+from loopid.logs.recording import Recording
+from loopid.numbers import number
+from loopid.parameters import GRAVITY_KINDS
+from loopid.records import record
+
+# Blocks of a log between which a load may change; into which those beside the best are cut again;
+# samples of a block at least, and blocks before and after.
+BLOCKS, FINER, LEAST_SAMPLES, LEAST_BLOCKS = 24, 16, 8, 2
+LEFT = 0.6  # part of the errors that is left at most where a load changes
+RIVAL = 0.9  # of those that a rival leaves
+LARGE = 0.03  # errors of all motors, in parts of their forces, that are worth a cause
+RIDGE, SEEN = 1e-12, 1e-6  # of columns of unit length: what keeps, and what is, independent
+
+
+@record
+class LoadChange:
+    """A time from which on the bodies differ.
+
+    Attributes
+    ----------
+    name : str
+        Of the recording.
+    time : float
+        In s, of the recording.
+    before, after : float
+        Errors of all motors, in parts of their forces in the root mean square, with the same bodies
+        all along, and with others from then on.
+    """
+
+    name: str
+    time: float
+    before: float
+    after: float
+
+    def finding(self, several: bool) -> Finding:
+        """In words, with the log's name where there are several."""
+        return Finding(
+            "warning",
+            f"the load changes at {self.time:.2f} s{f' of {self.name}' * several}",
+            f"with a body that is lighter or heavier from then on, errors are "
+            f"{number(100 * self.after, 2)} % of the forces instead of "
+            f"{number(100 * self.before, 2)} %",
+            "give the rows before and after as logs of their own, and identify one of them",
+        )
+
+
+def load_change(
+    force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording]
+) -> LoadChange | None:
+    """The time at which a load comes or goes in one of the recordings, where that is clear."""
+    products, best = _Products(force_model, data), (1.0, 0, 0)
+    for run in range(len(recordings)):
+        rows = np.flatnonzero(data.runs == run)
+        if len(rows) >= BLOCKS * LEAST_SAMPLES:
+            best = min(best, (*products.best_time(rows), run))
+    left, first, run = best
+    before, after = (float(np.sqrt(part * products.error)) for part in (1.0, left))
+    if before < LARGE or after > LEFT * before:
+        return None
+    if after > RIVAL * np.sqrt(products.part_by_rivals(first, run) * products.error):
+        return None
+    time = np.concatenate([run.motion.time for run in recordings])
+    return LoadChange(recordings[run].name, float(time[first]), before, after)
+
+
+class _Products:
+    """Products of columns of unit length and the forces, and what a change explains."""
+
+    def __init__(self, force_model: ForceModel, data: FitSamples) -> None:
+        self.data, self.weights = data, data.problem.force_weights
+        whole, n = self._of(slice(0, len(data))), len(data.parameters)
+        sizes = np.sqrt(np.diag(whole))
+        self.sizes = np.where(sizes > 0, sizes, 1.0)
+        whole = self._scaled(whole)
+        self.inverse = np.linalg.inv(whole[:n, :n] + RIDGE * np.eye(n))
+        self.values = self.inverse @ whole[:n, n]
+        self.left = max(float(whole[n, n] - whole[:n, n] @ self.values), RIDGE)
+        # The mean square.
+        self.error = self.left * self.sizes[n] ** 2 / max(int(data.used.sum()), 1)
+        self.bodies = [*_by_body(force_model, force_model.matrix * self.sizes[:n, None])]
+
+    def _of(self, rows: slice, beside: FloatArray | None = None) -> FloatArray:
+        """Products (n + 1, n + 1) of samples; with columns (N, dof, k) of all, after the force."""
+        total: FloatArray = np.zeros(())
+        for part in row_blocks(rows):
+            W, force = self.data.regressor[part], self.data.force[part]
+            more = () if beside is None else (beside[part],)
+            own = np.concatenate([W, force[:, :, None], *more], axis=2)
+            own *= (self.data.used[part] * self.weights)[:, :, None]
+            flat = own.reshape(-1, own.shape[2])
+            total = total + flat.T @ flat
+        return total
+
+    def _scaled(self, products: FloatArray) -> FloatArray:
+        return np.asarray(products / np.outer(self.sizes, self.sizes))
+
+    def best_time(self, rows: IntArray) -> tuple[float, int]:
+        """The part of the squares that a change leaves at least, and the row it begins with."""
+        ends = np.linspace(rows[0], rows[-1] + 1, BLOCKS + 1).astype(int)
+        later = self._from_each(ends)
+        tried = range(LEAST_BLOCKS, BLOCKS - LEAST_BLOCKS + 1)
+        _, k = min((self._part_left(later[k]), k) for k in tried)
+        finer = np.linspace(ends[k - 1], ends[k + 1], FINER + 1).astype(int)
+        after = later[k + 1] + self._from_each(finer)
+        return min(
+            (self._part_left(each), int(row)) for each, row in zip(after, finer, strict=True)
+        )
+
+    def _from_each(self, ends: IntArray) -> FloatArray:
+        """Products (k + 1, ...) of samples from each of some rows (k + 1,) to the last of these."""
+        blocks = [self._scaled(self._of(slice(*pair))) for pair in pairwise(ends.tolist())]
+        sums = np.cumsum(blocks[::-1], axis=0)[::-1]
+        return np.concatenate([sums, np.zeros_like(sums[:1])])
+
+    def part_by_rivals(self, first: int, run: int) -> float:
+        """The least part of the squares that rivals of a load leave, from a row of a recording."""
+        data, own = self.data, np.flatnonzero(self.data.runs == run)
+        rows, motors = np.arange(len(data)), np.eye(len(self.weights))
+        late = ((rows >= first) & (rows <= own[-1]))[:, None, None]
+        drift = np.interp(rows, own[[0, -1]], [0.0, 1.0], left=0.0, right=0.0)[:, None, None]
+        before = self._scaled(self._of(slice(int(own[0]), first)))
+        n = len(before) - 1
+        values = np.linalg.solve(before[:n, :n] + RIDGE * np.eye(n), before[:n, n])
+        force = data.predicted(values * self.sizes[n] / self.sizes[:n])[:, :, None] * motors
+        both = np.concatenate([force, np.broadcast_to(motors, force.shape)], axis=2)
+        return min(self._part_beside(late * both), self._part_beside(drift * both))
+
+    def _part_beside(self, columns: FloatArray) -> float:
+        """The part of the squares that columns (N, dof, k) of any size leave."""
+        products, n = self._of(slice(0, len(self.data)), columns), len(self.values)
+        sizes = np.sqrt(np.diag(products))
+        scaled = products / np.outer(*2 * [np.where(sizes > 0, sizes, 1.0)])
+        others = np.delete(np.arange(len(sizes)), n)
+        known = scaled[np.ix_(others, others)] + RIDGE * np.eye(len(others))
+        force = scaled[others, n]
+        return max(float(scaled[n, n] - force @ np.linalg.solve(known, force)), 0.0) / self.left
+
+    def _part_left(self, later: FloatArray) -> float:
+        """Part of the squared errors with the body that explains most, from its products on."""
+        n, gains = len(later) - 1, [0.0]
+        for body in self.bodies:
+            beside = body.T @ later[:n, :n]
+            own, force = beside @ body, body.T @ later[:n, n]
+            sizes = np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
+            own = (own - beside @ self.inverse @ beside.T) / np.outer(sizes, sizes)
+            error = (force - beside @ self.values) / sizes
+            gains.append(float(error @ np.linalg.pinv(own, SEEN, hermitian=True) @ error))
+        return max(1 - max(gains) / self.left, 0.0)
+
+
+def _by_body(force_model: ForceModel, matrix: FloatArray) -> Iterator[FloatArray]:
+    """Columns (n, k) of the mass and centre of each body that has an effect, of (n, p)."""
+    named = force_model.base.parameters
+    for link in dict.fromkeys(each.link for each in named):
+        own = [k for k, p in enumerate(named) if p.link == link and p.kind in GRAVITY_KINDS]
+        if matrix[:, own].any():
+            yield matrix[:, own]
