@@ -263,7 +263,7 @@ OPTIONS = [
 
 
 @pytest.mark.parametrize("options", OPTIONS, ids=lambda one: one.__name__)
-@pytest.mark.parametrize("bad", [-1, -0.5, np.nan, np.inf, "?", [0.1]], ids=repr)
+@pytest.mark.parametrize("bad", [-1, -0.5, np.nan, np.inf, "?", [0.1], True], ids=repr)
 def test_options_refuse_what_means_nothing(options, bad):
     for field in fields(options):
         if field.type != "bool":

@@ -42,7 +42,7 @@ from pydantic import (
 from pydantic_core import ErrorDetails, PydanticKnownError
 from pydantic_core.core_schema import is_instance_schema
 
-from loopid.border import worded
+from loopid.border import number_alone, worded
 from loopid.errors import DataError, LoopidError, OptionError, shown
 
 P = ParamSpec("P")
@@ -408,13 +408,13 @@ def _instances(hint: Any) -> Any:
     """The annotation with instances for dataclasses, which pydantic would make of dictionaries."""
     kind, parts = get_origin(hint), get_args(hint)
     if hint in (int, float):
-        return Annotated[hint, BeforeValidator(_no_text)]
+        return Annotated[hint, BeforeValidator(number_alone)]
     if isinstance(hint, type) and kind is None:
         own = is_dataclass(hint) or issubclass(hint, BaseModel) or hasattr(hint, "_fields")
         return Annotated[hint, _Instance] if own else hint
     if kind is Annotated:
         if parts[0] in (int, float):  # constraints belong to the number itself
-            return Annotated[(*parts, BeforeValidator(_no_text))]
+            return Annotated[(*parts, BeforeValidator(number_alone))]
         return Annotated[(_instances(parts[0]), *parts[1:])]
     if kind in (Union, UnionType):
         return Union[tuple(map(_instances, parts))]  # noqa: UP007
@@ -425,13 +425,6 @@ def _instances(hint: Any) -> Any:
     whole = (list if kind in several[3:] else kind)[tuple(map(_instances, parts))]
     apart = (list, tuple, str, bytes) + (Mapping, Set) * (kind not in several[3:])
     return Annotated[whole, BeforeValidator(_listed(apart))] if kind in several else whole
-
-
-def _no_text(given: Any) -> Any:
-    """Refuse text, which pydantic would read as a number."""
-    if isinstance(given, str | bytes):
-        raise PydanticKnownError("float_type")
-    return given
 
 
 def _listed(apart: tuple[type, ...]) -> Callable[[Any], Any]:

@@ -8,10 +8,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import ErrorDetails, PydanticCustomError, PydanticKnownError
 
 from loopid.errors import LoopidError, RobotFileError, near, shown, unknown_word
 
@@ -40,6 +47,13 @@ COMPLETE = ("missing", "too_short", "too_long", "value_error", UNKNOWN)
 Form = TypeVar("Form", bound=BaseModel)
 
 
+def number_alone(given: Any) -> Any:
+    """Refuse text and truth values, which pydantic would read as numbers."""
+    if isinstance(given, str | bytes | bool):
+        raise PydanticKnownError("float_type")
+    return given
+
+
 class Section(BaseModel):
     """Part of a file: known keys only, finite numbers only, names that may look like numbers."""
 
@@ -63,6 +77,28 @@ class Section(BaseModel):
             if key not in cls.model_fields:
                 raise unknown("key", key, cls.model_fields)
         return content
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _truth_is_no_number(cls, content: Any, field: ValidationInfo) -> Any:
+        annotation = cls.model_fields[field.field_name or ""].annotation
+        if _has_truth(content) and not _takes_truth(annotation):
+            raise ValueError(f"must not be or hold true or false, as {shown(content)} does")
+        return content
+
+
+def _has_truth(content: Any) -> bool:
+    """Whether a content is true or false, or holds what is."""
+    parts = content.values() if isinstance(content, dict) else content
+    listed = isinstance(content, dict | list | tuple)
+    return isinstance(content, bool) or (listed and any(map(_has_truth, parts)))
+
+
+def _takes_truth(annotation: Any) -> bool:
+    """Whether an annotation takes true and false, or leaves it to another section."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel | bool):
+        return True
+    return any(map(_takes_truth, get_args(annotation)))
 
 
 def unknown(what: str, given: Any, valid: Iterable[str]) -> PydanticCustomError:

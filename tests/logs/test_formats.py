@@ -173,6 +173,18 @@ def test_npz_with_matrices(truth, knee, check, tmp_path):
     log = read_log(tmp_path / "run.npz", knee)
     check(log)
     assert log.name == "run"
+    np.savez(
+        tmp_path / "column.npz",
+        time=truth.time[:, None],
+        position=truth.position,
+        force=truth.force,
+    )
+    check(read_log(tmp_path / "column.npz", knee))
+    np.savez(tmp_path / "lies.npz", time=truth.time, position=truth.position, force=truth.force.T)
+    with pytest.raises(
+        LogError, match=r"'force' of shape .*, which looks transposed: .* is wanted"
+    ):
+        read_log(tmp_path / "lies.npz", knee)
 
 
 def test_npz_with_an_array_a_column(truth, knee, check, tmp_path):

@@ -468,6 +468,9 @@ def test_a_part_of_the_time(recording):
     assert len(recording.between()) == len(recording)
     with pytest.raises(LogError, match=r"no motor moves between 1000 and .* samples from"):
         recording.between(1000.0)
+    for start, end, named in ((-3.0, 5.0, "start"), (5.0, 2.0, "end"), (5.0, 5.0, "end")):
+        with pytest.raises(OptionError, match=f"{named} must be"):
+            recording.between(start, end)
 
 
 def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):

@@ -102,7 +102,7 @@ def test_the_mean_of_a_period_is_the_offset():
         (lambda: point_to_point(NAMES, START, []), "waypoint"),
         (lambda: point_to_point(NAMES, START[:2], [Waypoint(START, 1.0)]), "shape"),
         (lambda: point_to_point(NAMES, START, [Waypoint(START * np.nan, 1.0)]), "finite"),
-        (lambda: point_to_point(NAMES, START, [Waypoint(START, 1.0)], rate=-1.0), "positive"),
+        (lambda: point_to_point(NAMES, START, [Waypoint(START, 1.0)], rate=-1.0), "rate must"),
         (lambda: point_to_point(NAMES, START, [Waypoint(START, 1, (Arc("psi", 1),))]), "psi"),
         (lambda: FourierSeries(NAMES, 1.0, START, np.ones((3, 2)), np.ones((3, 1))), "shapes"),
         (lambda: FourierSeries(NAMES, 1.0, START, np.ones(3), np.ones(3)), "shapes"),

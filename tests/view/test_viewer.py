@@ -39,12 +39,15 @@ def fit_file(five_bar, tmp_path_factory):
     return fit.save(tmp_path_factory.mktemp("fit") / "fit.yaml")
 
 
-def test_files_of_all_kinds_are_known(five_bar, fit_file):
+def test_files_of_all_kinds_are_known(five_bar, fit_file, tmp_path):
     with open_viewer(five_bar, [LOG, fit_file]) as viewer:
         assert len(viewer.motion) > 100
         np.testing.assert_array_equal(viewer.pose.configuration, viewer.motion.configurations[0])
     with open_viewer(five_bar, ["five_bar"]) as viewer:
         assert viewer.motion is not None
+    (tmp_path / "parameters.yaml").write_bytes(fit_file.read_bytes())
+    with open_viewer(five_bar, [tmp_path]) as viewer:
+        assert viewer.motion is None
     with pytest.raises(OptionError):
         open_viewer(five_bar, [LOG, "five_bar"])
 

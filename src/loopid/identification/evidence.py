@@ -24,6 +24,7 @@ from scipy.linalg import block_diag
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, row_blocks, spread_rows
 from loopid.identification.delay import directions
+from loopid.identification.friction_curves import TURNS
 from loopid.identification.information import body_sizes
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
@@ -97,6 +98,7 @@ class _Table(NamedTuple):
     counts: IntArray  # (d,), samples that are used
     friction: FloatArray  # (d, 2, 2 n + 3), the columns along two directions of the friction
     power: FloatArray  # (d, 2), mean power of these
+    ends: FloatArray  # (d, 2, 2), friction when slow and when fast, by what there is along these
 
 
 def _on_axis(columns: FloatArray, time: tuple[float, ...]) -> FloatArray:
@@ -291,10 +293,14 @@ class Evidence:
             return None
         columns = np.concatenate([columns, self.force[:, motors, None]], axis=2)
         columns, own = ((one * used[:, :, None]).swapaxes(0, 1) for one in (columns, own))
-        Q = np.linalg.qr(own[:, :, ::-1])[0]  # inertia first: what follows is friction alone
+        # Inertia first: what follows is friction alone, viscous and Coulomb.
+        Q, R = np.linalg.qr(own[:, :, ::-1])
         parts, counts = Q.swapaxes(1, 2) @ columns, np.maximum(counts, 1)
         power = (Q[:, :, 1:].swapaxes(1, 2) @ own[:, :, 1:2])[:, :, 0]
-        return _Table(columns - Q @ parts, counts, parts[:, 1:], power)
+        fastest = np.abs(own[:, :, 1]).max(axis=1)
+        rates = np.stack([np.zeros_like(fastest), fastest], axis=1)
+        ends = np.stack([rates, np.ones_like(rates)], axis=2) @ np.linalg.pinv(R[:, 1:, 1:])
+        return _Table(columns - Q @ parts, counts, parts[:, 1:], power, ends)
 
     # The tests.
 
@@ -319,11 +325,11 @@ class Evidence:
         products[:, :, -1] /= gain[:, :, None]
         products[:, :, :, -1] /= gain[:, :, None]
         shape = np.sqrt(products[:, :, -1, -1])
-        gain = np.abs(gain)
-        least = MODEL_ERROR * self.sizes(undone) + TINY
+        gain, size = np.abs(gain), self.sizes(undone)
+        least = MODEL_ERROR * size + TINY
         error = np.maximum(np.sqrt(products[:, :, -1, -1]), least)
         friction = [self._friction(_pose(one), one.time) for one in undone]
-        columns, power = (np.stack(one) for one in zip(*friction, strict=True))
+        columns, power, ends = (np.stack(one) for one in zip(*friction, strict=True))
         columns = columns[..., kept] * weight
         columns[..., -1] /= np.array([one.gain for one in undone])[:, :, None]
         without = np.zeros(gain.shape, dtype=bool)  # motors whose friction does not count
@@ -333,9 +339,12 @@ class Evidence:
             H = np.eye(n) + total[:, :n, :n]
             x = np.linalg.solve(H, total[:, :n, -1:] - total[:, :n, -2:-1])[:, :, 0]
             z = np.column_stack([x, np.tile([1.0, -1.0], (len(x), 1))])
-            # Friction that gives energy is none: bodies and offsets must do without it.
+            # Friction that gives energy is none: bodies and offsets must do without it. But what
+            # brakes at low speed and drives at high speed, or turned, is a part of the drive.
             given = (columns @ z[:, None, :, None])[..., 0]
-            gives = ~without & ((given * power).sum(axis=2) > 0)
+            slow, fast = np.moveaxis((ends @ given[..., None])[..., 0], 2, 0)
+            turns = (slow * fast < 0) & (np.fmin(np.abs(slow), np.abs(fast)) > TURNS * size)
+            gives = ~without & ((given * power).sum(axis=2) > 0) & ~turns
             products[gives] += columns[gives].swapaxes(1, 2) @ columns[gives]
             without |= gives
             square = ((products @ z[:, None, :, None])[..., 0] * z[:, None]).sum(axis=2)
@@ -373,13 +382,15 @@ class Evidence:
             self._known_products[pose, time] = found
         return self._known_products[pose, time]
 
-    def _friction(self, pose: Pose, time: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-        """Columns (d, 2, n + 2) along the friction by the root of the counts, and their power."""
-        table, n = self._tables[pose], self._count
+    def _friction(
+        self, pose: Pose, time: tuple[float, ...]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Columns (d, 2, n + 2) along the friction by the root of the counts, power, and ends."""
+        table, d, n = self._tables[pose], len(self.names), self._count
         if table is None:
-            return np.zeros((len(self.names), 2, n + 2)), np.zeros((len(self.names), 2))
+            return np.zeros((d, 2, n + 2)), np.zeros((d, 2)), np.zeros((d, 2, 2))
         size = np.sqrt(table.counts)[:, None, None]
-        return _on_axis(table.friction, time) / size, table.power
+        return _on_axis(table.friction, time) / size, table.power, table.ends * size
 
     def beside_rivals(self, found: Explanation) -> Explanation:
         """Explained beside each rival that raises the evidence, the likeliest first."""
@@ -408,7 +419,7 @@ class Evidence:
 
     def friction_evidence(self, found: Explanation) -> FloatArray:
         """Logarithms (d,) of how much likelier friction that takes in energy makes a log."""
-        columns, power = self._friction(_pose(found.undone), found.undone.time)
+        columns, power, _ = self._friction(_pose(found.undone), found.undone.time)
         gain = np.array(found.undone.gain)
         ends = np.column_stack([np.ones(len(gain)), -1 / gain])
         z = np.column_stack([np.tile(found.values, (len(gain), 1)), ends])

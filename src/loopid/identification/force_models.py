@@ -70,6 +70,9 @@ class ForceModel:
         (n,), what the bodies that load the gears make of the parameters, without rotors and other
         joint terms that fold into them; None for those of the robot file. Load friction alone
         depends on it.
+    free_friction : bool
+        Whether friction may drive: what drives add is in the recorded forces
+        (``turning_friction``).
 
     Examples
     --------
@@ -85,6 +88,7 @@ class ForceModel:
     base: BaseParameters
     automatic: bool = field(default=False, compare=False)
     bodies: FloatArray | None = None
+    free_friction: bool = field(default=False, compare=False)
 
     def __repr__(self) -> str:
         bodies, joints = len(self.body_columns), len(self.joint_columns)
@@ -165,7 +169,7 @@ class ForceModel:
             regrouping=base.regrouping[columns],
         )
         terms, _ = parted(self.joint_terms)
-        return ForceModel(self.robot, self.model, terms, narrow, self.automatic)
+        return replace(self, joint_terms=terms, base=narrow, bodies=None)
 
     @property
     def load_columns(self) -> tuple[IntArray, IntArray]:
@@ -296,7 +300,7 @@ class ForceModel:
                 found = force_model(self.robot, self.model, terms, search=kept)
             except OptionError:
                 found = force_model(self.robot, self.model, terms)
-        return replace(found, automatic=self.automatic)
+        return replace(found, automatic=self.automatic, free_friction=self.free_friction)
 
     def with_columns(
         self, kinds: Mapping[str, tuple[str, ...]], ordered: JointTerms | None = None
@@ -320,7 +324,7 @@ class ForceModel:
             dependent=own[base.dependent],
             regrouping=np.pad(base.regrouping, ((0, len(further)), (0, 0))),
         )
-        return ForceModel(self.robot, self.model, terms, wide, self.automatic)
+        return replace(self, joint_terms=terms, base=wide, bodies=None)
 
     @one_as_many
     def regressor(self, motion: JointMotion | FloatArray, n_jobs: int = 1) -> FloatArray:

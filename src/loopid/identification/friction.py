@@ -30,7 +30,7 @@ from loopid.identification.consistent import (
 from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
-from loopid.identification.friction_curves import friction_summary, of_friction
+from loopid.identification.friction_curves import friction_summary, of_friction, turning_friction
 from loopid.identification.hysteresis import POSSIBLE, RESOLVED, possible_hysteresis, slip_evidence
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import MotorUse, NoiseModel, TermDeviations
@@ -81,6 +81,19 @@ def motor_use(
             most = np.abs(data.force[data.used[:, row], row]).max()
             found.append([*rates, loads[used, row].mean(), most])
     return MotorUse(tuple(joints), *np.array(found).reshape(-1, 4).T)
+
+
+def allowing_drives(
+    force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording], whole: Fit
+) -> tuple[ForceModel, tuple[str, ...]]:
+    """The model with friction that may drive, where that of some motors does; and these.
+
+    As the fit of all parameters says. What one drive adds to its force, others may add, too, which
+    show it less. Terms that were chosen by name are friction, which does not drive.
+    """
+    turning = turning_friction(replace(whole, use=motor_use(force_model, data, recordings)))
+    free = bool(turning) and force_model.automatic
+    return replace(force_model, free_friction=free), turning
 
 
 def curve_rates(slowest: float, fastest: float) -> FloatArray:

@@ -33,6 +33,10 @@ from loopid.regressors.joint_laws import (
 # friction of half as much more, two deviations, is not unusual.
 DOUBT = 0.25
 LINE_POINTS = 200  # rates that a line is fitted at
+# Part of a motor's largest force that friction must drive with at one speed, and brake with at
+# another; and times the half 95 % intervals. A force that the model lacks is taken for friction,
+# too, clear of its interval: 1.4 to 2.3 times.
+TURNS, CLEARLY = 0.1, 4.0
 
 
 @record
@@ -181,6 +185,34 @@ def friction_summary(fit: Estimates) -> FrictionSummary:
     return FrictionSummary(
         tuple(joints), *(tuple(of(joint, kind) for joint in joints) for kind in kinds)
     )
+
+
+def turning_friction(fit: Estimates) -> tuple[str, ...]:
+    """Motors whose friction clearly brakes at low speed and drives at high speed, or turned.
+
+    No friction does that. A recorded force looks like this where the drive adds another that grows
+    with speed, or takes it off. A wrong sign does not.
+    """
+    found = []
+    for joint in frictional_joints(fit):
+        if fit.use is not None and joint in fit.use.joints:
+            friction, reach = friction_at_ends(fit, joint)
+            clear = np.abs(friction) > np.maximum(TURNS, CLEARLY * reach)
+            if clear.all() and np.prod(friction) < 0:
+                found.append(joint)
+    return tuple(found)
+
+
+def friction_at_ends(fit: Estimates, joint: str) -> tuple[FloatArray, FloatArray]:
+    """Friction of a motor both ways (2,), slow and fast, and its half 95 % intervals.
+
+    In parts of its largest force, at the ends of the rates that it was fitted at.
+    """
+    assert fit.use is not None
+    rates, largest = np.array(fit.use.of(joint)), fit.use.largest[fit.use.joints.index(joint)]
+    forwards, backwards = (friction_curve(fit, joint, way * rates) for way in (1.0, -1.0))
+    reach = np.hypot(np.ptp(forwards.band, axis=1), np.ptp(backwards.band, axis=1)) / 4
+    return (forwards.values - backwards.values) / 2 / largest, reach / largest
 
 
 def _doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:

@@ -99,10 +99,12 @@ class JointPriors:
             if prior.correlation is not None:
                 at = np.array([laws[j].at for j in columns])
                 factor[np.ix_(columns, columns)] = np.linalg.cholesky(prior.correlation(at, at))
-        low = np.array([0.0 if law.positive else -np.inf for law in laws])
+        free = force_model.free_friction
+        held = [law.positive and not (free and law.friction) for law in laws]
+        low = np.where(held, 0.0, -np.inf)
         high = np.array([np.inf if law.most is None else law.most for law in laws])
         one, above, below = np.eye(len(terms)), np.isfinite(low), np.isfinite(high)
-        dissipated = dissipation(terms)
+        dissipated = dissipation(terms)[: 0 if free else None]
         limits = np.concatenate([one[above], -one[below], dissipated])
         least = np.concatenate([low[above], -high[below], np.zeros(len(dissipated))])
         names = tuple(f"{joint}: {name}" for joint, name in members)

@@ -28,7 +28,7 @@ from loopid.identification.delay import Delay, in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_models import AUTOMATIC, ForceModel, force_model, samples_of
-from loopid.identification.friction import motor_use, with_friction
+from loopid.identification.friction import allowing_drives, motor_use, with_friction
 from loopid.identification.identification import Identification, split_recordings
 from loopid.identification.information import (
     Excitation,
@@ -243,6 +243,7 @@ class _Fits(NamedTuple):
     excited: Identifiability
     missing: tuple[MissingForce, ...]
     regions: FloatArray | None  # errors (dof,) of the consistent one, by estimates without each
+    turning: tuple[str, ...]  # joints whose friction changes its sign with speed
 
     def with_origin(
         self,
@@ -257,6 +258,7 @@ class _Fits(NamedTuple):
             "cutoff": None if cutoff is None else cutoff.chosen,
             "use": motor_use(self.force_model, self.data, runs.training),
             "mistakes": tuple(map(str, found)),
+            "turning": self.turning,
         }
         fits = {
             name: replace(with_delay_errors(fit, self.data, runs.training, delay), **origin)
@@ -280,6 +282,7 @@ def _fitted(
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
     whole = fit_all(force_model, data, excited, first=first, options=options)
+    force_model, turning = allowing_drives(force_model, data, runs.training, whole)
     solid, known, missing, regions = None, None, tuple[MissingForce, ...](), None
     if options.name == "wls":
         if force_model.automatic and first is None:
@@ -303,7 +306,7 @@ def _fitted(
     refits = _refits(
         force_model, fits, excited, own_data, first=first, known=known, options=options
     )
-    return _Fits(force_model, data, fits, refits, excited, missing, regions)
+    return _Fits(force_model, data, fits, refits, excited, missing, regions, turning)
 
 
 def _judged(

@@ -7,6 +7,7 @@ is fit for nothing, whatever its errors. It is not saved, nor given to a control
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -17,7 +18,6 @@ from loopid.identification.estimates import Estimates
 from loopid.identification.friction_curves import friction_curve, frictional_joints
 from loopid.identification.problem import FitSamples
 from loopid.numbers import SOLVED_ROUND_OFF
-from loopid.parameters import KINDS
 from loopid.regressors.joint_laws import joint_term
 
 # Part of two contributions to a force that must be left of them; of the largest force of a motor,
@@ -31,6 +31,10 @@ RATES, SLOW = 100, 1e-4
 NOISE = 0.2
 NOTHING_FOLLOWS = "no force follows the motion"
 UNEXPLAINED = f"see {PAGE} for what may be missing"
+WHOLE_FORCE = (
+    "log the whole force: a part that grows with speed is missing or turned, as what a drive adds "
+    "by itself"
+)
 # Terms that keep the laws on any log, by the estimator that holds friction from driving.
 SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
@@ -38,10 +42,11 @@ SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 def absurdities(fit: Estimates, data: FitSamples) -> tuple[str, ...]:
     """Laws that a fit of a force model breaks, a sentence each; none for a sane one.
 
-    Friction of a motor does not drive, clear of its band. Nor is it by a tenth more than the
-    largest force that the motor showed, at any rate up to the fastest of the log. No two joint
-    terms, nor one and the bodies, cancel to less than a hundredth of their size. No joint term is
-    more than all of the motor's force. Samples are those that were fitted.
+    Friction of a motor does not drive, clear of its band, unless forces hold what drives add
+    (``Fit.turning``). Nor is it by a tenth more than the largest force that the motor showed, at
+    any rate up to the fastest of the log. No two joint terms, nor one and the bodies, cancel to
+    less than a hundredth of their size. No joint term is more than all of the motor's force.
+    Samples are those that were fitted.
     """
     found = [*_of_friction(fit)]
     for row in range(len(data.actuators)):
@@ -68,14 +73,16 @@ def require_sane(fit: Estimates, anyway: bool) -> None:
 def require_fit_for_use(fit: Estimates, anyway: bool) -> None:
     """Refuse a fit for other programs that is not fit for use, unless ``anyway`` is given.
 
-    It breaks a law, is of a log with a mistake, or leaves a force unexplained.
+    It breaks a law, is of a log with a mistake, leaves a force unexplained, or has friction that
+    drives.
 
     Raises
     ------
     OptionError
     """
     require_sane(fit, anyway)
-    _require((*fit.mistakes, *fit.unexplained), fit, anyway)
+    driving = _of_friction(replace(fit, turning=())) if fit.turning else ()
+    _require((*fit.mistakes, *fit.unexplained, *driving), fit, anyway)
 
 
 def _require(reasons: tuple[str, ...], fit: Estimates, anyway: bool) -> None:
@@ -88,6 +95,8 @@ def _require(reasons: tuple[str, ...], fit: Estimates, anyway: bool) -> None:
         because *= reasons[0] not in fit.mistakes
     elif reasons[0] == NOTHING_FOLLOWS:
         mend = "record a motion in which the forces change"
+    elif fit.turning:
+        mend = WHOLE_FORCE
     elif reasons[0] in fit.unexplained:
         mend = UNEXPLAINED
     raise OptionError(
@@ -111,6 +120,7 @@ def _of_friction(fit: Estimates) -> Iterator[str]:
             curve = friction_curve(fit, joint, way * rates)
             values, ends = way * curve.values, (way * curve.band).max(axis=1)
             drives = (values < -SMALL * most) | ((values < -SOLVED_ROUND_OFF * most) & (ends < 0))
+            drives &= not fit.turning
             if values.max() > (1 + SMALL) * most:
                 k = int(values.argmax())
                 yield (
@@ -137,28 +147,30 @@ def _of_terms(fit: Estimates, data: FitSamples, row: int) -> Iterator[str]:
     """Of the contributions to the force of a motor."""
     used, motor = data.used[:, row], data.actuators[row]
     W, most = data.regressor[used, row], float(np.abs(data.force[used, row]).max())
-    model, kinds = fit.require_model(), dict[str, str]()
-    own = model.body_columns
-    parts = {"the bodies": W[:, own] @ fit.values[own]}
-    for j in model.joint_columns:
-        each = fit.parameters[j]
-        parts[each.label], kinds[each.label] = W[:, j] * fit.values[j], each.kind
+    own = fit.require_model().body_columns
+    laws = {
+        " and ".join(fit.parameters[j].label for j in columns): W[:, columns] @ fit.values[columns]
+        for columns in _laws(fit)
+    }
+    parts = {"the bodies": W[:, own] @ fit.values[own], **laws}
     sizes = {name: float(np.sqrt((part**2).mean())) for name, part in parts.items()}
-    for name in kinds:
+    for name in laws:
         if sizes[name] > most:
             yield f"{name} would be {sizes[name]:.3g} of a largest force of {most:.3g} of {motor}"
             return
     heavy = [name for name in parts if sizes[name] > SMALL * most]
     for one, other in combinations(heavy, 2):
         left = float(np.sqrt(((parts[one] + parts[other]) ** 2).mean()))
-        if left < LEFT * max(sizes[one], sizes[other]) and not _together(kinds, one, other):
+        if left < LEFT * max(sizes[one], sizes[other]):
             yield f"{one} and {other} cancel to {left:.2g} of {sizes[one]:.3g} in {motor}"
             return
 
 
-def _together(kinds: dict[str, str], one: str, other: str) -> bool:
-    """Whether two terms are parts of one law, such as a spring and where it is slack."""
-    if one not in kinds or other not in kinds:
-        return False
-    a, b = kinds[one], kinds[other]
-    return a not in KINDS and (b in joint_term(a).beside or a in joint_term(b).beside)
+def _laws(fit: Estimates) -> list[list[int]]:
+    """Columns of each law of a joint; a spring and where it is slack cancel far from zero."""
+    laws: dict[tuple[str, str], list[int]] = {}
+    for j in fit.require_model().joint_columns:
+        term = fit.parameters[j]
+        law = (term.kind, *joint_term(term.kind).beside)[-1]
+        laws.setdefault((term.link, law), []).append(int(j))
+    return list(laws.values())

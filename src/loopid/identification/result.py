@@ -80,6 +80,9 @@ class Fit(Estimates):
         Whether the solver reached the best values, where it takes steps.
     mistakes : tuple of str
         In the logs that were fitted, one sentence each: no value counts before they are mended.
+    turning : tuple of str
+        Joints whose friction brakes at low speed and drives at high speed, or turned, as all
+        parameters clearly say: a drive adds forces that are recorded.
     unseen_rms : FloatArray or None
         (dof,), root mean square errors on data that were not fitted, in N or N m; NaN without any.
     broken : tuple of str

@@ -287,8 +287,8 @@ class PredictionError(NamedTuple):
     ----------
     mean, standard_error : float
         Mean square of scaled residuals over all actuators.
-    excess, excess_error : float
-        Of the mean over that of the best values, and its standard error; 0 for the best.
+    excess_error : float
+        Standard error of the mean less that of the best values; 0 for the best.
     as_good : bool
         Whether the mean is not clearly above the least: within one standard error of it
         [Breiman1984] and two of the difference, or within 2 %.
@@ -296,7 +296,6 @@ class PredictionError(NamedTuple):
 
     mean: float
     standard_error: float
-    excess: float
     excess_error: float
     as_good: bool
 
@@ -326,7 +325,7 @@ def prediction_errors(
     # of them uncertain; two of the difference are not.
     uncertainty = np.minimum(errors[best], CLEARLY * excess_errors)
     as_good = excess <= np.maximum(uncertainty, NO_CONSEQUENCE * means[best])
-    columns = (each.tolist() for each in (means, errors, excess, excess_errors, as_good))
+    columns = (each.tolist() for each in (means, errors, excess_errors, as_good))
     return [PredictionError(*numbers) for numbers in zip(*columns, strict=True)]
 
 

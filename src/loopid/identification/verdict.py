@@ -9,10 +9,10 @@ import numpy as np
 from loopid.errors import first_of
 from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
-from loopid.identification.friction_curves import friction_curve, frictional_joints
+from loopid.identification.friction_curves import friction_at_ends
 from loopid.identification.missing import missing_findings
 from loopid.identification.outcome import ALL, ROUGH, Outcome
-from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS
+from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS, WHOLE_FORCE
 from loopid.identification.result import Fit
 from loopid.logs.preparing import encoder_faults
 from loopid.numbers import number
@@ -26,9 +26,6 @@ NAMED = 1  # motors that a finding names
 LEAST_CERTAIN = 2  # parameters that the verdict names
 # Errors over the sensors' noise, from which on the model lacks something: values follow that.
 NOISY = 3.0
-# Part of a motor's largest force that friction must drive with at one speed, and brake with at
-# another.
-TURNS = 0.1
 AROUND = 0.1  # in s, that are left out beside a short time in which errors stand out, at least
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
 # What a fit is fit for, in words.
@@ -170,33 +167,16 @@ def _better(found: Outcome) -> Finding | None:
     )
 
 
-def _turning_friction(found: Outcome) -> Finding | None:
-    """Motors whose friction clearly brakes at low speed and drives at high speed, or turned.
-
-    That is what all parameters fitted say; no friction does both. A recorded force looks like this
-    where the drive adds another that grows with speed, or takes it off. A wrong sign does not.
-    """
-    fit, said = found[ALL].fit, dict[str, str]()
-    for joint in frictional_joints(fit):
-        if fit.use is None or joint not in fit.use.joints:
-            continue
-        rates = np.array(fit.use.of(joint))
-        forwards, backwards = (friction_curve(fit, joint, way * rates) for way in (1.0, -1.0))
-        largest = float(fit.use.largest[fit.use.joints.index(joint)])
-        friction = (forwards.values - backwards.values) / 2
-        reach = np.hypot(np.ptp(forwards.band, axis=1), np.ptp(backwards.band, axis=1)) / 4
-        clear = np.abs(friction) > np.maximum(TURNS * largest, reach)
-        if clear.all() and np.prod(friction) < 0:
-            slow, fast = (number(x / largest, 2) for x in friction)
-            said[joint] = f"{slow} of the largest force of {joint} when slow, {fast} when fast"
-    if not said:
-        return None
+def _turning_friction(found: Outcome) -> Finding:
+    """Motors whose force follows their rate as no friction does."""
+    every, turning = found[ALL].fit, found.fit.turning
+    slow, fast = (number(part, 2) for part in friction_at_ends(every, turning[0])[0])
     return Finding(
         "warning",
-        f"friction of {first_of([*said], NAMED)} changes its sign with speed",
-        f"all parameters fitted, it is {next(iter(said.values()))}",
-        "log the whole force: a part that grows with speed is missing or turned, as what a drive "
-        "adds by itself",
+        f"friction of {first_of(turning, NAMED)} changes its sign with speed",
+        f"all parameters fitted, it is {slow} of the largest force of {turning[0]} when slow, "
+        f"{fast} when fast",
+        WHOLE_FORCE,
     )
 
 
@@ -209,6 +189,8 @@ def _of_model(found: Outcome) -> Finding | None:
 def _use(found: Outcome, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
+    if found.force_model.free_friction:
+        return f"{NOT_FIT}, as {_turning_friction(found).title}"
     if not error <= ROUGH:
         return f"{NOT_FIT}, as {found.singular.title}" if found.singular else NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
@@ -337,8 +319,9 @@ def _wrong(found: Outcome) -> Iterator[Finding]:
     yield from () if passing is None else (passing,)
     yield from () if change is None else (change.finding(len(found.training) > 1),)
     others = [each for each in (_better(found), _unexplained(found)) if each is not None]
-    turning = _turning_friction(found) if others else None
-    yield from others if turning is None else (turning, *others)
+    if found.fit.turning and (others or found.force_model.free_friction):
+        yield _turning_friction(found)
+    yield from others
 
 
 def _passing(found: Outcome) -> Finding | None:

@@ -395,6 +395,8 @@ class Recording(Tabular):
 
         Raises
         ------
+        OptionError
+            When the start is before the log's, or the end not after it.
         LogError
             When there are none in which a motor moves.
         """
@@ -402,6 +404,11 @@ class Recording(Tabular):
             if np.isnan(given):
                 raise OptionError(f"{name} must be a time in s, not nan", argument=name)
         time = self.motion.time
+        if start < min(0.0, time[0]):
+            said = f"start must be a time in s from the start of the log, not {start:g}"
+            raise OptionError(said, argument="start", given=start)
+        if end <= start:
+            raise OptionError(f"end must be above start, {start:g} s, not {end:g}", argument="end")
         part = self.select((time >= start) & (time <= end))
         if not part.used.any():
             raise LogError(

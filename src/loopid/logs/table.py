@@ -290,7 +290,7 @@ class Column(NamedTuple):
     """A column in a file of arrays: all of one, a column of a matrix, or a field of a table."""
 
     array: str
-    place: Any = ...  # index behind that of the rows, or name of the field
+    place: Any = ...  # index behind that of the rows, name of the field, or a shape that lies
 
     def of(self, values: NDArray[Any]) -> NDArray[Any]:
         """The column (R,) of the array's values."""
@@ -319,6 +319,12 @@ class ArrayFormat(LogFormat):
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
         places = {name: self._streams[stream][name] for name in (*times, *values)}
+        for name, shape in ((one.array, one.place) for one in places.values()):
+            if isinstance(shape, tuple):
+                raise self.refused(
+                    f"has array {name!r} of shape {shape}, which looks transposed: a row is a "
+                    f"sample, so that {shape[::-1]} is wanted"
+                )
         with refusals(self.path, self.kind):
             arrays = self._read(dict.fromkeys(place.array for place in places.values()))
             columns = {name: place.of(arrays[place.array]) for name, place in places.items()}
@@ -334,8 +340,16 @@ class ArrayFormat(LogFormat):
 
 
 def array_columns(name: str, shape: tuple[int, ...]) -> dict[str, Any]:
-    """Names and places of the columns of an array; none of one with other than one or two axes."""
+    """Names and places of the columns of an array; none of one with other than one or two axes.
+
+    Rows of one that is transposed have its shape for a place: it is refused where it is asked for.
+    """
     if len(shape) == 1:
         return {name: ...}
-    fits = len(shape) == 2 and shape[1] <= WIDEST
-    return {f"{name}_{k}": k for k in range(shape[1])} if fits else {}
+    if len(shape) != 2:
+        return {}
+    if shape[1] == 1:
+        return {name: 0}
+    if shape[1] <= WIDEST:
+        return {f"{name}_{k}": k for k in range(shape[1])}
+    return {f"{name}_{k}": shape for k in range(shape[0])} if shape[0] <= WIDEST else {}

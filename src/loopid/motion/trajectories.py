@@ -77,8 +77,10 @@ class Motion(Tabular):
 
 def _sample_times(duration: float, rate: float) -> FloatArray:
     """Times from 0 to a duration (s) at a rate (Hz), both ends included."""
-    if not (0 < duration < np.inf and 0 < rate < np.inf):
-        raise DataError(f"duration and rate must be positive, not {duration} s and {rate} Hz")
+    for name, given, unit in (("duration", duration, "s"), ("rate", rate, "Hz")):
+        if not 0 < given < np.inf:
+            said = f"{name} must be a number of {unit} above 0, not {given:g}"
+            raise DataError(said, argument=name, given=given)
     if not duration * rate < MOST_SAMPLES:
         raise DataError(
             f"{duration:g} s at {rate:g} Hz are {duration * rate:.3g} samples, more than the "

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import OptionError, optional
-from loopid.identification.result import Fit, load_fit
+from loopid.identification.result import Fit, fit_file, load_fit
 from loopid.logs.mapping import LogMapping
 from loopid.logs.reading import read_recordings
 from loopid.motion.files import read_motion_program
@@ -395,8 +395,8 @@ def open_viewer(
     ----------
     robot : Robot
     files : sequence of path
-        Saved fits, and a log or a motion file, whose first motion is meant, or a bundled robot's
-        name for its motion.
+        Saved fits or their folders, and a log or a motion file, whose first motion is meant, or a
+        bundled robot's name for its motion.
     mapping : LogMapping or path, optional
         Which columns of a log are what; see ``read_log``.
     port : int
@@ -415,10 +415,12 @@ def open_viewer(
     """
     motions, fits = dict[str, JointMotion](), dict[str, Fit]()
     for path in map(str, files):
-        text = Path(path).suffix in (".yaml", ".yml", ".json")
-        if text and "loopid fit" in Path(path).read_text(errors="replace")[:200]:
+        saved = fit_file(path)  # a folder may be one of a log, too
+        place = saved if saved.exists() else Path(path)
+        text = place.suffix in (".yaml", ".yml", ".json")
+        if text and "loopid fit" in place.read_text(errors="replace")[:200]:
             fits[path] = load_fit(path, robot=robot)
-        elif text or not Path(path).exists():
+        elif text or not place.exists():
             planned = read_motion_program(path).motion(rate=RATE)
             motions[path] = joint_motion(robot, planned)
         else:
