@@ -15,6 +15,8 @@ LONGEST_VALUE = 60  # columns of a value in a sentence
 
 def one_line(text: str) -> str:
     """The text with escapes for what would break its line or its encoding, as in odd file names."""
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 

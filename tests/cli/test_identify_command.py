@@ -409,7 +409,7 @@ def test_a_part_of_a_log_is_fitted(arm, run, arm_files):
     assert sum(spans) == pytest.approx(sum(whole) * 10 / 20, rel=0.1)
     done = run("identify", robot, log, "--from", "5", "--to", "2")
     assert done.code == 2
-    assert "no motor moves between 5 and 2 s" in done.err
+    assert "--to must be above start, 5 s, not 2" in done.err
 
 
 def test_some_rows_of_a_log_are_fitted(arm, run, arm_files):
