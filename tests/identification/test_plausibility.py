@@ -101,6 +101,22 @@ def test_a_spring_and_where_it_is_slack_are_one_law(found, size):
     assert absurdities(fit, replace(data, regressor=W)) == ()
 
 
+@pytest.mark.parametrize(("part", "broken"), [(0.9, 0), (2.5, 1)])
+def test_a_spring_may_carry_the_bodies(found, part, broken):
+    """As a counterbalance does: more than the motor, which is left with the rest."""
+    data, model = found.data, found.fit.model
+    labels, row = data.parameters.labels, data.actuators.index(LEFT)
+    used, bodies = data.used[:, row], model.body_columns
+    weight = np.abs(data.regressor[used, row][:, bodies] @ model.prior[bodies]).max()
+    W = np.array(data.regressor)
+    W[:, row, labels.index(f"{LEFT}.Ks")] = 1.0
+    fit = replace(changed(found, Fo=0.0, Ks=part * weight), use=None)
+    force = np.sign(data.force) * np.minimum(np.abs(data.force), 0.1 * weight)
+    new = replace(data, regressor=W, force=force)
+    said = [one for one in absurdities(fit, new) if "Ks would be" in one]
+    assert len(said) == broken
+
+
 ABSURD = (
     "friction of left_crank_joint would be .* N m at .* rad/s, for a largest force of .* N m: "
     'identify with terms="Fc,Fv" and estimator="wls"; anyway=True takes it nevertheless'

@@ -10,6 +10,7 @@ at each cut-off. A change is that of predicted forces, in parts of each motor's 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import field
 from typing import NamedTuple
@@ -22,9 +23,10 @@ from loopid.findings import Finding, WithFindings
 from loopid.identification.estimator import nearest_to_file
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
-from loopid.logs.preparing import at_cutoff, motion_band
-from loopid.logs.recording import OVERSAMPLING, Recording
+from loopid.logs.preparing import at_cutoff, motion_band, prepare
+from loopid.logs.recording import OVERSAMPLING, FilterOptions, MaskOptions, Recording
 from loopid.records import record
+from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
 STEP = 1.4  # from one cut-off to the next, half an octave: estimates change little over it
@@ -43,6 +45,8 @@ LOWER = 2.0
 GROWTH, BEYOND = 10.0, 4.0  # looked at from this many bands of the motion on
 # Of the motors' errors: where predictions change by more up to the last, motion is lost.
 CLEAR = 1.0
+# Samples of a log that are looked at, minutes at 1 kHz, and in how many sections.
+LONGEST, SECTIONS = 200_000, 5
 
 
 @record
@@ -158,6 +162,7 @@ def choose_cutoff(
     shortest = min(least, last)
     steps = int(np.log(last / max(first, shortest)) / np.log(STEP))
     tried, changes, values = list[float](), list[float](), force_model.prior
+    open_ones = [sections(force_model.robot, run) for run in open_ones]
     with one_blas_thread():
         judge = _fitted(force_model, open_ones, n_jobs)
         if judge is None:
@@ -200,6 +205,26 @@ def _chosen(changes: Sequence[float], *, bounded: bool) -> IntArray:
     small = worse <= TIE * worse[least]
     larger_before = np.cumsum(~small)
     return np.flatnonzero(small & (larger_before == larger_before[least]))
+
+
+def sections(robot: Robot, recording: Recording) -> Recording:
+    """A long recording in sections of its log, evenly spread: they show as well what is lost."""
+    log = recording.log
+    if log is None or len(log) <= LONGEST:
+        return recording
+    period = len(log) / SECTIONS
+    kept = np.arange(len(log)) % period < LONGEST / SECTIONS
+    known = recording.history.whole[1] if recording.history else recording.motion
+    options = recording.filter or FilterOptions(), recording.masks or MaskOptions()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # given when all of it was prepared
+            part = prepare(
+                robot, log.select(kept), filter=options[0], masks=options[1], known=known
+            )
+        return part.within(recording)
+    except LoopidError:
+        return recording
 
 
 class _Fitted(NamedTuple):

@@ -45,8 +45,9 @@ def absurdities(fit: Estimates, data: FitSamples) -> tuple[str, ...]:
     Friction of a motor does not drive, clear of its band, unless forces hold what drives add
     (``Fit.turning``). Nor is it by a tenth more than the largest force that the motor showed, at
     any rate up to the fastest of the log. No two joint terms, nor one and the bodies, cancel to
-    less than a hundredth of their size. No joint term is more than all of the motor's force.
-    Samples are those that were fitted.
+    less than a hundredth of their size. No joint term is more than all of the motor's force, and no
+    spring more than that and what the bodies of the robot file take, which it may carry. Samples
+    are those that were fitted.
     """
     found = [*_of_friction(fit)]
     for row in range(len(data.actuators)):
@@ -147,15 +148,15 @@ def _of_terms(fit: Estimates, data: FitSamples, row: int) -> Iterator[str]:
     """Of the contributions to the force of a motor."""
     used, motor = data.used[:, row], data.actuators[row]
     W, most = data.regressor[used, row], float(np.abs(data.force[used, row]).max())
-    own = fit.require_model().body_columns
-    laws = {
-        " and ".join(fit.parameters[j].label for j in columns): W[:, columns] @ fit.values[columns]
-        for columns in _laws(fit)
-    }
-    parts = {"the bodies": W[:, own] @ fit.values[own], **laws}
+    model = fit.require_model()
+    own, laws = model.body_columns, _laws(fit)
+    parts = {"the bodies": W[:, own] @ fit.values[own]}
+    parts |= {name: W[:, columns] @ fit.values[columns] for name, columns in laws.items()}
     sizes = {name: float(np.sqrt((part**2).mean())) for name, part in parts.items()}
-    for name in laws:
-        if sizes[name] > most:
+    weight = float(np.abs(W[:, own] @ model.prior[own]).max())
+    for name, columns in laws.items():
+        balances = any("position" in joint_term(fit.parameters[j].kind).needs for j in columns)
+        if sizes[name] > most + weight * balances:
             yield f"{name} would be {sizes[name]:.3g} of a largest force of {most:.3g} of {motor}"
             return
     heavy = [name for name in parts if sizes[name] > SMALL * most]
@@ -166,11 +167,11 @@ def _of_terms(fit: Estimates, data: FitSamples, row: int) -> Iterator[str]:
             return
 
 
-def _laws(fit: Estimates) -> list[list[int]]:
+def _laws(fit: Estimates) -> dict[str, list[int]]:
     """Columns of each law of a joint; a spring and where it is slack cancel far from zero."""
     laws: dict[tuple[str, str], list[int]] = {}
     for j in fit.require_model().joint_columns:
         term = fit.parameters[j]
         law = (term.kind, *joint_term(term.kind).beside)[-1]
         laws.setdefault((term.link, law), []).append(int(j))
-    return list(laws.values())
+    return {" and ".join(fit.parameters[j].label for j in own): own for own in laws.values()}
