@@ -153,6 +153,19 @@ def load_once():
 
 
 @pytest.fixture
+def bundled_robots_loaded_once(load_once, monkeypatch):
+    """What loads bundled robots by name, as commands do, shares them and their random poses."""
+    files, names = import_module("loopid.loading.robot_files"), bundled_robots()
+    original = files.load
+
+    def load(file, **options):
+        plain = not any(value for value in options.values()) and options.get("rounding") is None
+        return load_once(file) if file in names and plain else original(file, **options)
+
+    monkeypatch.setattr(files, "load", load)
+
+
+@pytest.fixture
 def bundled_once(load_once, once, monkeypatch):
     """Examples and pages share the bundled robots that they load, and what they do with them."""
     names, original = bundled_robots(), loopid.load

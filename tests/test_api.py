@@ -33,7 +33,7 @@ def run_examples(name, thing):
     return sum(len(test.examples) for test in found)
 
 
-@pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared")
+@pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared", "none_missing")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("name", NAMES)
 def test_a_public_name_has_an_example_that_runs(name, short_logs, monkeypatch):
@@ -41,7 +41,7 @@ def test_a_public_name_has_an_example_that_runs(name, short_logs, monkeypatch):
     assert run_examples(name, getattr(loopid, name)), f"{name} has no example in its docstring"
 
 
-@pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared")
+@pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared", "none_missing")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("subpackage", SUBPACKAGES)
 def test_examples_of_other_names_run(subpackage, short_logs, monkeypatch):

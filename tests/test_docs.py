@@ -26,7 +26,7 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.S | re.M)
 
 
-@pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared")
+@pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared", "none_missing")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.name)  # README: test_readme.py
 def test_the_python_of_a_page_runs_from_top_to_bottom(page, short_logs, tmp_path, monkeypatch):
@@ -70,7 +70,9 @@ def commands(page):
             yield words[1:]
 
 
-@pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+@pytest.mark.usefixtures(
+    "bundled_robots_loaded_once", "nothing_suspected", "no_delay_sought", "none_missing"
+)
 @pytest.mark.filterwarnings("ignore::UserWarning", "ignore::ResourceWarning")
 @pytest.mark.parametrize(
     "page",

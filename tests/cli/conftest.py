@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid import JointTerms, bundled_robots
+from loopid import JointTerms
 from loopid.cli import main
 from loopid.identification.log_mistakes import LogFaults
 from loopid.report import json_schema
@@ -46,16 +46,8 @@ def run(monkeypatch, capsys):
 
 
 @pytest.fixture(autouse=True)
-def bundled_robots_loaded_once(load_once, monkeypatch):
+def robots_loaded_once(bundled_robots_loaded_once):
     """Commands share the bundled robots that they load by name, and their random poses."""
-    files, names = import_module("loopid.loading.robot_files"), bundled_robots()
-    original = files.load
-
-    def load(file, **options):
-        plain = not any(value for value in options.values()) and options.get("rounding") is None
-        return load_once(file) if file in names and plain else original(file, **options)
-
-    monkeypatch.setattr(files, "load", load)
 
 
 @pytest.fixture(autouse=True)

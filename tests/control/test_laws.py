@@ -175,12 +175,12 @@ def test_online_gravity_finds_a_payload_and_when_it_came(load_once):
     )
 
     def load(k, _):
-        if k == 700:
+        if k == 300:
             loop.load("left_coupler", body)
 
-    loop.run(*knee_motion(loop.position), at_sample=load)
+    loop.run(*knee_motion(loop.position, 600), at_sample=load)
     assert len(law.changes) == 1
-    assert 700 < law.changes[0] < 800
+    assert 300 < law.changes[0] < 400
     assert np.isclose(law.payload[0][0], body[0], rtol=0.05)
 
 

@@ -710,3 +710,21 @@ def test_refusals(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(MissingExtraError, match=r"loopid\[codegen\]"):
         c_source(found)
+
+
+def test_the_header_says_below_which_rate_signs_are_smooth():
+    import casadi
+
+    robot = loopid.load("four_bar")
+    model = loopid.force_model(robot, "gravity", "Fc")
+    code = c_source(model)
+    (rate,) = re.findall(r"motors, s is (\S+) rad/s", code.header)
+    values = np.where([each.kind == "Fc" for each in model.parameters], 2.0, 0.0)
+    du = np.array([0.7 * float(rate)])
+    found = casadi.Function.deserialize(code.casadi)(
+        q=robot.reference, du=du, ddu=[0.0], phi=values
+    )
+    pose = Dynamics(robot).pose(motor_positions(robot, robot.reference[None])[0])
+    smooth = Dynamics(model, values, smoothing=float(rate)).inverse(pose, du, 0 * du)
+    np.testing.assert_allclose(found["force"].full()[:, 0], smooth, rtol=1e-12)
+    assert 0.5 < smooth[0] / 2.0 < 0.7

@@ -19,6 +19,7 @@ from loopid.identification.delay import (
     _disagreement,
     _left_open,
     _over_bands,
+    _sharpens,
     in_time,
     without_delay,
 )
@@ -259,6 +260,17 @@ def test_of_motors_that_differ_only_what_another_delay_has_too_is_undone():
     assert kept.left[1] > 0.001
     nothing = replace(moved, intervals=moved.intervals - 0.02)
     assert not _confirmed(moved, nothing).clear
+
+
+def test_a_motor_with_a_delay_of_its_own_is_kept_beside_a_vaguer_band():
+    """The common delay is vague where one motor alone is late, and in that band alone."""
+    each, ends = np.array([0.0, 0.008]), np.array([-0.0005, 0.0005])
+    undone, left, between = np.array([0.0, 0.008]), np.array([0.0, 0.00025]), each[:, None] + ends
+    sharp = Delay(("a", "b"), 0.004, (-0.02, 0.028), each, between, 0.002, undone, left)
+    wide = each[:, None] + np.multiply.outer([0.002, 0.01], [-1.0, 1.0])
+    vague = replace(sharp, common=0.001, interval=(-0.002, 0.004), intervals=wide)
+    assert not _sharpens(vague, sharp)
+    assert _sharpens(sharp, vague)
 
 
 def test_forces_that_the_model_lacks_are_no_delay(case):

@@ -62,6 +62,14 @@ def test_the_band_is_that_of_the_motion_whatever_the_noise(rate):
             assert 0.4 < found < 0.7  # five harmonics of 0.1 Hz
 
 
+def test_the_band_of_a_crank_that_turns_steadily_is_that_of_its_turns():
+    """Its rate has no frequency, its forces have those of the turns."""
+    robot = loopid.load("four_bar")
+    time = np.arange(2000) / 100
+    log = Log.from_arrays(time, 2 * np.pi * 0.8 * time[:, None], 0 * time[:, None], robot.actuated)
+    assert motion_band(robot, log) == pytest.approx(0.8, abs=0.1)
+
+
 def test_a_log_that_stands_has_no_band():
     model, _, run = simulated("fourier", 100.0)
     still = log_of(model, run)

@@ -14,7 +14,7 @@ from loopid.identification.fitting import quiet_fit
 from loopid.logs import FilterOptions, LogMapping
 from made_runs import identify_unjudged, quietly
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
 UNFILTERED = FilterOptions(cutoff=None)
 FRICTION = [1.0, 2.0, 1.5, 3.0]

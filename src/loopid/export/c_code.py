@@ -110,7 +110,8 @@ def c_source(
     given = _value_fields(model, chosen, values)
     robot = SymbolicRobot(model)
     functions = robot.functions(f"{chosen}_casadi")
-    fields = _fields(model, chosen, functions) | given
+    smooth = map(robot.smoothing, model.robot.velocity_indices(model.robot.independent).tolist())
+    fields = _fields(model, chosen, functions, [*smooth]) | given
     parts = c_of(functions, f"{chosen}_casadi"), _filled("robot.c", fields)
     source = "\n".join([f'#include <string.h>\n#include "{chosen}.h"\n', ONE_SIGNATURE, *parts])
     whole = robot.whole(functions, chosen).serialize()
@@ -137,7 +138,9 @@ def _filled(template: str, fields: Mapping[str, str]) -> str:
     return re.sub(r"@([A-Z_]+)@", lambda match: fields[match[1]], text)
 
 
-def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[str, str]:
+def _fields(
+    model: ForceModel, name: str, functions: Mapping[str, Any], smooth: Sequence[float]
+) -> dict[str, str]:
     """Names, numbers and tolerances that the templates are filled with."""
     robot, linearise = model.robot, functions["linearise"]
     joints = [(joint, robot.joint(joint).nq) for joint in robot.joints]
@@ -159,6 +162,9 @@ def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[
         "SLIPS": str(max(1, len(model.slip_columns))),  # C has no empty arrays
         "COUPLED": str(max(1, linearise.numel_out(0))),  # C has no empty arrays
         "FACTORS": str(max(1, linearise.numel_out(1))),
+        "SMOOTH": ", ".join(
+            dict.fromkeys(f"{rate:.4g} {unit}/s" for rate, unit in zip(smooth, units, strict=True))
+        ),
         "REFERENCE_Q": _numbers(reference),
         "REFERENCE_U": _numbers(motor_positions(robot, reference[None])[0]),
         "LONGEST_STEP": repr(LONGEST_STEP),

@@ -242,6 +242,12 @@ class SymbolicRobot:
             wrenches[link.parent][1] += link.R @ moment + ca.cross(link.r, turned)
         return tree
 
+    def smoothing(self, index: int) -> float:
+        """Rate over which the sign of the rate of a velocity index is smooth, in m/s or rad/s."""
+        terms = self.model.joint_terms
+        own = 0.0 if terms is None else terms.smoothing
+        return own or SMOOTH * float(self.robot.coordinate_scales[index])
+
     def _state(self, parameter: Parameter, v: Any, a: Any) -> JointState:
         """State of the joint of a term at all rates and accelerations (nv,)."""
         robot, position = self.robot, None  # of one of several coordinates
@@ -252,9 +258,7 @@ class SymbolicRobot:
             position = own if joint.nq == 1 else ca.atan2(own[1], own[0])
         terms = self.model.joint_terms or JointTerms(())
         state = terms.state(JointState(position, v[index], a[index]), math=ca)
-        if not state.smoothing:
-            state = state._replace(smoothing=SMOOTH * float(robot.coordinate_scales[index]))
-        return state
+        return state._replace(smoothing=self.smoothing(index))
 
     def _joint_term(self, parameter: Parameter, state: JointState) -> Any:
         """What a joint term multiplies, by the law of its kind."""

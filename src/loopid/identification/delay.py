@@ -16,7 +16,8 @@ autocorrelated errors as all others do (``correlation.py``).
 
 Most informative of a delay is where friction changes sides, in a wide band, where there is most
 noise of positions, too. The widest band that is looked at is that around which estimates change
-least (``cutoff.py``). Narrower ones follow for as long as the interval shrinks and agrees.
+least (``cutoff.py``). Narrower ones follow. One is taken where delays of the motors are better
+known, and agree.
 """
 
 from __future__ import annotations
@@ -309,8 +310,12 @@ def _left_open(common: float, error: float, step: float) -> float:
 
 
 def _sharpens(sharp: Delay, other: Delay) -> bool:
-    """Whether a delay is better known than another one, and the same."""
-    return bool(np.ptp(sharp.interval) < np.ptp(other.interval)) and _agree(sharp, other)
+    """Whether delays of the motors are better known than other ones, and the same.
+
+    That of all motors together may be vague where each has a delay of its own.
+    """
+    known, before = (np.square(1 / np.ptp(each.intervals, axis=1)).sum() for each in (sharp, other))
+    return bool(known > before) and _agree(sharp, other)
 
 
 def _agree(one: Delay, other: Delay) -> bool:

@@ -252,6 +252,10 @@ class Estimates(Tabular):
         variance = known.beside + variances(known.gain, self.covariance)
         errors = np.sqrt(variance)
         freedom = np.minimum(known.degrees_of_freedom, self.degrees_of_freedom.min())
+        # One that is a parameter of the fit itself has its interval there.
+        own = dict(zip(self.parameters.names, self.degrees_of_freedom, strict=True))
+        labels = model.base.parameters.labels
+        freedom = np.array([own.get(label, n) for label, n in zip(labels, freedom, strict=True)])
         reach = stdtrit(freedom, 0.975) * errors
         determined = variance < (1 - DETERMINED) * known.file
         numbers = (values, errors, values - reach, values + reach, determined)

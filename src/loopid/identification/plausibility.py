@@ -18,7 +18,6 @@ from loopid.identification.estimates import Estimates
 from loopid.identification.friction_curves import friction_curve, frictional_joints
 from loopid.identification.problem import FitSamples
 from loopid.numbers import SOLVED_ROUND_OFF
-from loopid.parameters import KINDS
 from loopid.regressors.joint_laws import joint_term
 
 # Part of two contributions to a force that must be left of them; of the largest force of a motor,
@@ -148,28 +147,30 @@ def _of_terms(fit: Estimates, data: FitSamples, row: int) -> Iterator[str]:
     """Of the contributions to the force of a motor."""
     used, motor = data.used[:, row], data.actuators[row]
     W, most = data.regressor[used, row], float(np.abs(data.force[used, row]).max())
-    model, kinds = fit.require_model(), dict[str, str]()
-    own = model.body_columns
-    parts = {"the bodies": W[:, own] @ fit.values[own]}
-    for j in model.joint_columns:
-        each = fit.parameters[j]
-        parts[each.label], kinds[each.label] = W[:, j] * fit.values[j], each.kind
+    own = fit.require_model().body_columns
+    laws = {
+        " and ".join(fit.parameters[j].label for j in columns): W[:, columns] @ fit.values[columns]
+        for columns in _laws(fit)
+    }
+    parts = {"the bodies": W[:, own] @ fit.values[own], **laws}
     sizes = {name: float(np.sqrt((part**2).mean())) for name, part in parts.items()}
-    for name in kinds:
+    for name in laws:
         if sizes[name] > most:
             yield f"{name} would be {sizes[name]:.3g} of a largest force of {most:.3g} of {motor}"
             return
     heavy = [name for name in parts if sizes[name] > SMALL * most]
     for one, other in combinations(heavy, 2):
         left = float(np.sqrt(((parts[one] + parts[other]) ** 2).mean()))
-        if left < LEFT * max(sizes[one], sizes[other]) and not _together(kinds, one, other):
+        if left < LEFT * max(sizes[one], sizes[other]):
             yield f"{one} and {other} cancel to {left:.2g} of {sizes[one]:.3g} in {motor}"
             return
 
 
-def _together(kinds: dict[str, str], one: str, other: str) -> bool:
-    """Whether two terms are parts of one law, such as a spring and where it is slack."""
-    if one not in kinds or other not in kinds:
-        return False
-    a, b = kinds[one], kinds[other]
-    return a not in KINDS and (b in joint_term(a).beside or a in joint_term(b).beside)
+def _laws(fit: Estimates) -> list[list[int]]:
+    """Columns of each law of a joint; a spring and where it is slack cancel far from zero."""
+    laws: dict[tuple[str, str], list[int]] = {}
+    for j in fit.require_model().joint_columns:
+        term = fit.parameters[j]
+        law = (term.kind, *joint_term(term.kind).beside)[-1]
+        laws.setdefault((term.link, law), []).append(int(j))
+    return list(laws.values())

@@ -126,7 +126,7 @@ def prepare(
     >>> robot = loopid.load("five_bar")
     >>> log = loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     >>> loopid.prepare(robot, log)
-    <Recording 'five_bar': 735 samples, filtered at 5.36 Hz, forces used: ...>
+    <Recording 'five_bar': 735 samples, filtered at 5.62 Hz, forces used: ...>
     """
     require_known_motion(robot, log.free)
     if log.joints != robot.actuated:
@@ -719,7 +719,7 @@ def on_independent(
 
 # ---- the band of the motion, and a cut-off before anything is fitted ----------------------------
 
-# The band ends where this part of the power of the velocities is left in this many times its width:
+# The band ends where this part of the power of the rates is left in this many times its width:
 # noise, whatever its colour, has little power near the motion, and much far above. Slow motions
 # that start and stop quickly have no end with a hundredth left.
 LEFT, WIDTHS = 0.02, 5.0
@@ -730,23 +730,33 @@ LEAST_COUNT, SHORT_CUTOFF = 64, 0.05
 
 
 def motion_band(robot: Robot, log: Log) -> float:
-    """Frequency in Hz below which nearly all of the motors' velocities are; 0 if undetermined."""
+    """Frequency in Hz below which nearly all of the motors' motion is; 0 if undetermined.
+
+    Bodies and forces go with sine and cosine of what turns, which are faster than an angle that
+    goes far: a crank that turns steadily has rates of no frequency at all.
+    """
     part = max(log.parts(), key=lambda part: part.stop - part.start)
     rate, count = log.rate(part), part.stop - part.start - 1
     if count + 1 < LEAST_COUNT:
         return 0.0
     frequency = np.fft.rfftfreq(count, 1 / rate)
-    velocity = np.diff(log.position[part], axis=0) * np.hanning(count + 2)[1:-1, None]
-    amplitude = np.fft.rfft(velocity, axis=0)
-    power = np.cumsum(amplitude.real**2 + amplitude.imag**2, axis=0)
+    window = np.hanning(count + 2)[1:-1]
     above = np.searchsorted(frequency, WIDTHS * frequency, "right") - 1
     straight, band = np.isin(robot.velocity_indices(log.joints), robot.prismatic), 0.0
-    for kind in (straight, ~straight):
-        below = power[:, kind].sum(axis=1)
+    for kind, signals in ((straight, (_as_it_is,)), (~straight, (np.sin, np.cos))):
+        below = np.zeros(len(frequency))
+        for position in log.position[part][:, kind].T:
+            for signal in signals:
+                amplitude = np.fft.rfft(np.diff(signal(position)) * window)
+                below += np.cumsum(amplitude.real**2 + amplitude.imag**2)
         if below[-1] > 0:
             ends = (below[above] - below <= LEFT * below)[1:]
             band = max(band, float(frequency[1 + int(ends.argmax())]))
     return band
+
+
+def _as_it_is(position: FloatArray) -> FloatArray:
+    return position
 
 
 def provisional_cutoff(robot: Robot, log: Log) -> float:

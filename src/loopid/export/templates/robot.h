@@ -7,7 +7,8 @@
    Positions u are in m or rad, du and ddu are their velocities and accelerations, forces are in N or N m,
    times in s. Forces are K(u, du, ddu) phi, with all friction, inertia and springs of the joints that
    are parameters: phi are the base parameters that @NAME@_parameter_names, _units and _expressions
-   tell of. A sample of a control loop:
+   tell of. Signs of rates are smooth, tanh(rate / s), lest a controller chatters at standstill. For the
+   motors, s is @SMOOTH@. A sample of a control loop:
 
      #include "@NAME@.h"
 
