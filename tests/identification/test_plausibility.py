@@ -10,6 +10,7 @@ from loopid import Dynamics, load_fit, read_log
 from loopid.errors import OptionError
 from loopid.identification import friction_curve
 from loopid.identification.plausibility import absurdities
+from loopid.identification.verdict import _unexplained
 from made_runs import identify_unjudged, quietly
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought", "none_missing")
@@ -176,3 +177,19 @@ def test_a_force_that_is_not_explained_is_a_reason(found):
     object.__setattr__(other, "unseen", half)  # as what is kept of a record
     assert "50 % of its force" in other.fit.unexplained[0]
     assert found.fit.unexplained == ()
+
+
+def test_a_force_that_its_own_data_explain_is_known_from_too_few(found):
+    """What the model lacks errs on the data that were fitted, too."""
+    own, unseen = found.fit.quality.residual_rms, found.unseen
+    cases = {
+        "is known from too few samples": replace(unseen, whole=0.5 * unseen.force),
+        "is not explained at low speed": replace(unseen, slow=0.5 * unseen.force),
+        "is not explained": replace(unseen, whole=3 * own, force=4 * own),
+    }
+    for said, errors in cases.items():
+        other = replace(found)
+        object.__setattr__(other, "unseen", errors)
+        wrong = _unexplained(other)
+        assert wrong is not None
+        assert wrong.title.endswith(said)

@@ -27,6 +27,9 @@ LEAST_CERTAIN = 2  # parameters that the verdict names
 # Errors over the sensors' noise, from which on the model lacks something: values follow that.
 NOISY = 3.0
 AROUND = 0.1  # in s, that are left out beside a short time in which errors stand out, at least
+# Error on a motor's own data as a part of that on new data. A model that lacks something errs on
+# both; below this, the data are too few for it.
+TOO_FEW = 0.1
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
 # What a fit is fit for, in words.
 NOT_FIT, ROUGHLY = "Not fit for use", "Fit for rough predictions of forces"
@@ -363,11 +366,20 @@ def _unexplained(found: Outcome) -> Finding | None:
     where, worst, error = found.unseen.worst
     if not error > ROUGH:
         return None
-    at = AT.get(where, "")
+    at, motor = AT.get(where, ""), found.new.actuators[worst]
+    why = f"errors on new data are {number(100 * error, 2)} % of it"
+    own = float(found.fit.quality.residual_rms[worst] / found.unseen.force[worst])
+    if not at and own <= TOO_FEW * error:
+        return Finding(
+            "warning",
+            f"force of {motor} is known from too few samples",
+            f"{why}, and {number(100 * own, 2)} % on the data that were fitted",
+            f"record a longer log, in which {motor} moves more",
+        )
     return Finding(
         "warning",
-        f"force of {found.new.actuators[worst]} is not explained{at.replace(',', '')}",
-        f"errors on new data are {number(100 * error, 2)} % of it",
+        f"force of {motor} is not explained{at.replace(',', '')}",
+        why,
         "look for brakes, or a counterweight that the file lacks"
         if where == "standstill"
         else "look for a payload, a spring, a wrong length or a missing joint term",
