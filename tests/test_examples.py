@@ -29,7 +29,7 @@ PRINTED = {
     "own_robot": ("left_crank_joint.Fc: 0.09", "Fit for predicting forces"),
     "real_log": (
         "8582 samples of leg1_stroke",
-        "on segments left out of the fit",
+        "segments left out of the fit",
         "leg4_stroke.Fc",
     ),
     "payload_on_the_knee": ("PID+G online 0.", "a leg came after 6 s, changes were found at [6."),

@@ -302,7 +302,7 @@ def test_a_call_without_a_log_is_a_usage_error(run):
 
 @pytest.mark.validate
 def test_a_real_log_is_identified(run_json, mechanism, real_log):
-    found = run_json("identify", mechanism.name, real_log)
+    found = run_json("identify", mechanism.name, real_log, "--model", "gravity", "--terms", "Fc,Fv")
     assert found["training"][0]["name"] == real_log.name
     assert len(found["all_parameters"]["base_parameters"]) == 23
     assert all(entry["value"] is not None for entry in found["all_parameters"]["base_parameters"])

@@ -243,7 +243,10 @@ def _lacking(robot: Robot, finder: ColumnFinder) -> list[str]:
     motors = finder.mapping.measured(finder.source, robot.actuated)
     both = zip(robot.actuated, motors, strict=True)
     supports = robot.model.supports
-    arm = {robot.model.getJointId(j.partition(".")[0]) for j, name in both if finder.names(name)}
+    logged = [joint for joint, name in both if finder.names(name)]
+    # A coordinate of a joint that has several is named by both; a joint may have a dot in its name.
+    owners = (each if each in robot.joints else each.rpartition(".")[0] for each in logged)
+    arm = {robot.model.getJointId(each) for each in owners}
     last = max(arm, key=lambda k: len(supports[k]), default=0)
     if len(arm) < ARM or not arm <= {*supports[last]}:
         return []
