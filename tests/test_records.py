@@ -270,9 +270,9 @@ def has_default(each):
     return each.default is not MISSING or each.default_factory is not MISSING
 
 
-def test_a_table_without_pandas_says_what_to_do(monkeypatch):
+def test_a_table_without_pandas_says_what_to_do(monkeypatch, load_once):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    model = loopid.force_model(loopid.load("five_bar"), "gravity", None)
+    model = loopid.force_model(load_once("five_bar"), "gravity", None)
     fit = loopid.Fit.of(model, model.prior)
     with pytest.raises(MissingExtraError, match=r"pip install pandas, or take to_polars\(\)"):
         fit.to_pandas()

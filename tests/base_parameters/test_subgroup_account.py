@@ -89,9 +89,9 @@ def test_the_best_is_where_it_is_said_to_be(account, problem):
     assert all(other.least > group.least for other in told.groups[: told.found_in])
 
 
-def test_rows_are_called_as_the_columns_of_the_result():
+def test_rows_are_called_as_the_columns_of_the_result(load_once):
     """Whatever order the search took them in."""
-    observation = loopid.regressors.structural_observation(loopid.load("four_bar"), "full")
+    observation = loopid.regressors.structural_observation(load_once("four_bar"), "full")
     base = loopid.base_parameters.find_base(observation, "subgroup")
     group = base.search.subgroups.groups[base.search.subgroups.found_in]
     choice = list(combinations(group.rows, base.search.subgroups.dependent))[group.best]

@@ -44,7 +44,7 @@ def test_a_design_that_gained_nothing_is_refused_and_writes_nothing(run, arm, tm
     assert not list(tmp_path.iterdir())
 
 
-def test_files_say_what_the_record_says(run, tmp_path):
+def test_files_say_what_the_record_says(run, tmp_path, load_once):
     done = run("excite", "five_bar", "--out", tmp_path, "--json", "--duration", "6", *QUICK)
     assert done.code == 0
     record = json.loads(done.out)
@@ -59,7 +59,7 @@ def test_files_say_what_the_record_says(run, tmp_path):
         "excitation.json",
     }
     # The motion file is the motion of the CSV, and tells what the record says.
-    robot = loopid.load("five_bar")
+    robot = load_once("five_bar")
     motion = loopid.motion.read_motion_program(tmp_path / "motion.yaml").motion("excitation")
     table = np.genfromtxt(tmp_path / "motion.csv", delimiter=",", names=True)
     np.testing.assert_allclose(table["time"], motion.time, atol=1e-9)

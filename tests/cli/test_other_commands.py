@@ -194,8 +194,8 @@ def test_view_shows_a_robot_or_says_what_is_missing(run, monkeypatch, tmp_path):
     assert not (tmp_path / "pictures").exists()
 
 
-def test_one_fit_is_not_compared_with_itself(run, tmp_path):
-    model = loopid.force_model(loopid.load("five_bar"), "gravity", None)
+def test_one_fit_is_not_compared_with_itself(run, tmp_path, load_once):
+    model = loopid.force_model(load_once("five_bar"), "gravity", None)
     for name in ("one.json", "other.json"):
         loopid.Fit.of(model, model.prior).save(tmp_path / name)
     once, other = tmp_path / "one.json", tmp_path / "other.json"
@@ -214,8 +214,8 @@ def test_fits_of_different_robots_are_not_compared(run, tmp_path):
     assert "five_bar.json is of five_bar, four_bar.json is of four_bar; compare" in done.err
 
 
-def test_the_folder_of_a_fit_stands_for_it(run, tmp_path):
-    model = loopid.force_model(loopid.load("five_bar"), "gravity", None)
+def test_the_folder_of_a_fit_stands_for_it(run, tmp_path, load_once):
+    model = loopid.force_model(load_once("five_bar"), "gravity", None)
     fit = loopid.Fit.of(model, model.prior)
     assert loopid.load_fit(fit.save(tmp_path / "parameters.yaml").parent) == fit
     done = run("export", "five_bar", tmp_path, "--yaml", tmp_path / "other.yaml")

@@ -17,9 +17,9 @@ BARS = {"left_joint": 2.0, "right_joint": 1.0}
 
 
 @pytest.fixture(scope="module")
-def legs(tmp_path_factory):
+def legs(tmp_path_factory, load_once):
     """A log of the 3RRR, which has no friction in it."""
-    robot = loopid.load("3rrr")
+    robot = load_once("3rrr")
     path = tmp_path_factory.mktemp("3rrr") / "run.csv"
     motion = wander(robot, 1, seconds=20.0, rate=20.0, size=[0.3] * 3)
     path.write_text(logged(robot, motion, noise=0.2, seed=2))

@@ -19,8 +19,8 @@ LOG = ROOT / "urdf" / "logs" / "five_bar.csv"
 
 
 @pytest.fixture(scope="module")
-def five_bar():
-    return loopid.load("five_bar")
+def five_bar(load_once):
+    return load_once("five_bar")
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_errors_are_those_of_the_definition(five_bar, saved, sweep):
     np.testing.assert_allclose(table["left_crank_jointpredicted"], found.predicted[:, 0], rtol=1e-8)
 
 
-def test_another_robot_is_refused(saved, sweep):
+def test_another_robot_is_refused(saved, sweep, load_once):
     four_bar = loopid.load("four_bar")
     with pytest.raises(loopid.LoopidError, match="this is a fit of five_bar"):
         loopid.load_fit(saved, robot=four_bar)
@@ -67,7 +67,7 @@ def test_another_robot_is_refused(saved, sweep):
     with pytest.raises(loopid.LoopidError, match="has left_crank_joint"):
         loopid.load_fit(saved).predict(other)
     with pytest.raises(loopid.LoopidError, match="prepare its log with this robot"):
-        loopid.identify(loopid.load("five_bar"), other)
+        loopid.identify(load_once("five_bar"), other)
     with pytest.raises(loopid.LoopidError, match="prepare its log with this robot"):
         loopid.load_fit(saved).model.samples(other)
 

@@ -13,9 +13,9 @@ from loopid.identification import FitSamples
 
 
 @pytest.fixture(scope="module")
-def fitted():
+def fitted(load_once):
     """A model, and a fit of it to forces with known errors."""
-    robot = loopid.load("five_bar")
+    robot = load_once("five_bar")
     model = loopid.force_model(robot, "full", "Fc,Fv")
     W, rng = model.base.regressor(model.random_regressor), np.random.default_rng(0)
     force = W @ model.prior + 0.1 * rng.normal(size=W.shape[:2])

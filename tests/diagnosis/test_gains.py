@@ -107,8 +107,8 @@ LOG = "time,a.position,b.position,a.effort [N cm],b.effort [N cm]\n"
 
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")  # of forces beyond their limits
-def test_a_mapping_with_gains_gives_so_many_times_the_forces(tmp_path):
-    robot = loopid.load("five_bar")
+def test_a_mapping_with_gains_gives_so_many_times_the_forces(tmp_path, load_once):
+    robot = load_once("five_bar")
     left, right = robot.actuated
     time, rng = np.arange(0, 2, 0.01), np.random.default_rng(0)
     lower = [robot.reference[robot.joint(name).idx_q] for name in robot.actuated]

@@ -7,8 +7,8 @@ from loopid.motion import Noise, Waypoint, joint_motion, point_to_point
 
 
 @pytest.fixture(scope="session")
-def five_bar():
-    return loopid.load("five_bar")
+def five_bar(load_once):
+    return load_once("five_bar")
 
 
 @pytest.fixture(scope="session")

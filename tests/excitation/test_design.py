@@ -121,8 +121,8 @@ def test_each_criterion_wins_by_its_own_measure(gravity):
     assert found["condition"].condition_number < found["D"].condition_number
 
 
-def test_ranges_of_platform_coordinates_are_kept():
-    robot = loopid.load("3ups_rpu")
+def test_ranges_of_platform_coordinates_are_kept(load_once):
+    robot = load_once("3ups_rpu")
     limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity_threshold=0.05)
     options = replace(QUICK, evaluations=1)
     found = loopid.design_motion(

@@ -518,9 +518,9 @@ def test_the_observer_is_that_of_python(robot_name, kind, compiled):
         np.testing.assert_allclose(seen, residual, atol=1e-9 * max(1.0, np.abs(residual).max()))
 
 
-def test_the_observer(compiled):
+def test_the_observer(compiled, load_once):
     """De Luca's formula, with C^T du from kinetic energy, gives the filtered external forces."""
-    mechanism = loopid.load("five_bar")
+    mechanism = load_once("five_bar")
     found = loopid.force_model(
         mechanism, "full", JointTerms(mechanism.actuated, ("Ia",)), search="qr"
     )
@@ -712,10 +712,10 @@ def test_refusals(monkeypatch):
         c_source(found)
 
 
-def test_the_header_says_below_which_rate_signs_are_smooth():
+def test_the_header_says_below_which_rate_signs_are_smooth(load_once):
     import casadi
 
-    robot = loopid.load("four_bar")
+    robot = load_once("four_bar")
     model = loopid.force_model(robot, "gravity", "Fc")
     code = c_source(model)
     (rate,) = re.findall(r"motors, s is (\S+) rad/s", code.header)

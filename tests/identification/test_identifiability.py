@@ -166,8 +166,8 @@ def test_where_all_is_excited_it_is_the_plain_fit(crank_model, crank_data):
     assert found.assumed == ()
 
 
-def test_a_motor_of_few_rows_leaves_what_it_cannot_tell_to_the_robot_file(crank_runs):
-    robot = loopid.load("five_bar")
+def test_a_motor_of_few_rows_leaves_what_it_cannot_tell_to_the_robot_file(crank_runs, load_once):
+    robot = load_once("five_bar")
     model = loopid.force_model(robot, "gravity", "Fc,Fv,Fo")
     motion = crank_runs[1]
     force = model.regressor(motion) @ model.prior

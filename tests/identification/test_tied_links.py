@@ -140,8 +140,8 @@ def test_only_the_group_that_is_heavier_is_corrected():
     assert (np.abs(essential.fit.values - truth) <= 4.5 * errors).all()
 
 
-def test_the_prior_is_the_mean_of_what_the_file_says(tmp_path):
-    robot = loopid.load("3rrr")
+def test_the_prior_is_the_mean_of_what_the_file_says(tmp_path, load_once):
+    robot = load_once("3rrr")
     text = robot.path.with_suffix(".urdf").read_text()
     link = re.search(r'<link name="leg2_lower">.*?</link>', text, re.DOTALL)[0]
     other = re.sub(r'mass value="(.*?)"', lambda m: f'mass value="{float(m[1]) + 3}"', link)

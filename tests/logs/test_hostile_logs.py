@@ -7,7 +7,6 @@ import zipfile
 import numpy as np
 import pytest
 
-import loopid
 from loopid.errors import LogError
 from loopid.logs import read_log
 
@@ -104,12 +103,12 @@ HOSTILE = {
 
 @pytest.mark.skipif(os.name != "posix", reason="makes pipes")
 @pytest.mark.parametrize("kind", HOSTILE)
-def test_hostile_files_are_refused_in_one_sentence(kind, tmp_path):
+def test_hostile_files_are_refused_in_one_sentence(kind, tmp_path, load_once):
     name, write, said = HOSTILE[kind]
     write(tmp_path / name)
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text("group: run\n" if "group" in kind else "{}\n")
-    robot = loopid.load("four_bar")
+    robot = load_once("four_bar")
     with pytest.raises(LogError) as refusal:
         read_log(tmp_path / name, robot, mapping=mapping)
     assert said in str(refusal.value)
@@ -117,21 +116,21 @@ def test_hostile_files_are_refused_in_one_sentence(kind, tmp_path):
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
-def test_arrays_in_any_order_are_read(order, tmp_path):
+def test_arrays_in_any_order_are_read(order, tmp_path, load_once):
     table = np.loadtxt(io.StringIO(ROWS), delimiter=",")
     (tmp_path / "log.csv").write_text(f"{HEAD}\n{ROWS}")
     columns = np.asarray(table[:, [1, 1]], order=order)
     np.savez_compressed(tmp_path / "log.npz", time=table[:, 0], state=columns, force_0=table[:, 2])
     (tmp_path / "mapping.yaml").write_text("position: {crank_joint: state_1}\n")
-    robot = loopid.load("four_bar")
+    robot = load_once("four_bar")
     given = read_log(tmp_path / "log.npz", robot, mapping=tmp_path / "mapping.yaml")
     np.testing.assert_array_equal(given.position, read_log(tmp_path / "log.csv", robot).position)
 
 
-def test_a_time_that_is_also_a_position_is_refused(tmp_path):
+def test_a_time_that_is_also_a_position_is_refused(tmp_path, load_once):
     (tmp_path / "log.csv").write_text(f"{HEAD}\n{ROWS}")
     (tmp_path / "mapping.yaml").write_text("position: {crank_joint: time}\n")
-    robot = loopid.load("four_bar")
+    robot = load_once("four_bar")
     with pytest.raises(LogError) as refusal:
         read_log(tmp_path / "log.csv", robot, mapping=tmp_path / "mapping.yaml")
     assert "column 'time' is the time" in str(refusal.value)

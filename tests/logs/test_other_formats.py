@@ -7,7 +7,6 @@ import pytest
 import xlsxwriter
 from scipy.io import savemat
 
-import loopid
 from loopid.errors import DataWarning, LogError, OptionError
 from loopid.logs import LogMapping, read_log
 
@@ -18,8 +17,8 @@ FORCE = np.stack([np.cos(TIME), np.sin(2 * TIME)], axis=1)
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return loopid.load("five_bar")
+def robot(load_once):
+    return load_once("five_bar")
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from loopid.motion import JointMotion
 
 
 @pytest.fixture(scope="module")
-def recording():
-    robot = loopid.load("five_bar")
+def recording(load_once):
+    robot = load_once("five_bar")
     sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
     series = loopid.motion.FourierSeries(robot.actuated, 0.2, np.array([1.7, 0.7]), sine, cosine)
     run = loopid.simulate(

@@ -20,9 +20,9 @@ MOTORS = ("left_crank_joint", "right_crank_joint", "left_coupler_joint")
 
 
 @pytest.fixture(scope="module")
-def pair(tmp_path_factory):
+def pair(tmp_path_factory, load_once):
     """The five-bar with its two motors, and with a third one on a coupler."""
-    two = loopid.load("five_bar")
+    two = load_once("five_bar")
     folder = tmp_path_factory.mktemp("five_bar")
     text = two.path.read_text().replace(", ".join(two.actuated), ", ".join(MOTORS))
     (folder / "five_bar.yaml").write_text(text)

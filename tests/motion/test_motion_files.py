@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, strategies as st
 from ruamel.yaml import YAML
 
-import loopid
 from loopid.errors import DataError, FileError, OptionError, RobotFileError
 from loopid.motion import joint_motion, read_motion_program
 
@@ -174,8 +173,8 @@ def test_the_slowest_coordinate_moves_at_its_average_speed(program_of, to, speed
     assert program["one"].seconds == pytest.approx(to.get("a", 3) / speed)
 
 
-def test_a_motion_of_joints_moves_a_robot(program_of):
-    knee = loopid.load("3ups_rpu")
+def test_a_motion_of_joints_moves_a_robot(program_of, load_once):
+    knee = load_once("3ups_rpu")
     joints = dict(zip(knee.actuated, (0.707, 0.746, 0.755, 0.716), strict=True))
     start = ", ".join(f"{name}: {value}" for name, value in joints.items())
     program = program_of(

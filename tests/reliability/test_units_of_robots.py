@@ -129,8 +129,8 @@ def test_a_fit_predicts_in_proportion(robots):
 
 
 @pytest.mark.parametrize(("factor", "advice"), [(1e3, "0.001"), (1e-3, "1000")])
-def test_a_log_in_other_units_is_refused_with_the_factor(tmp_path, factor, advice):
-    robot = loopid.load("3ups_rpu")
+def test_a_log_in_other_units_is_refused_with_the_factor(tmp_path, factor, advice, load_once):
+    robot = load_once("3ups_rpu")
     motion = wander(robot, 1, seconds=6.0, rate=25.0)
     head, *rows = logged(robot, motion).splitlines()
     table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
