@@ -7,7 +7,6 @@ import warnings
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib import import_module
-from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -47,25 +46,8 @@ def run(monkeypatch, capsys):
 
 
 @pytest.fixture(autouse=True)
-def robots_loaded_once(bundled_robots_loaded_once, monkeypatch):
-    """Commands of a test share what they load of the same files, with its warnings."""
-    files, made = import_module("loopid.loading.robot_files"), {}
-    original = files.load
-
-    def load(file, **options):
-        beside = sorted(Path(file).parent.glob("*")) if Path(file).exists() else []
-        state = [(path, path.stat().st_mtime_ns) for path in beside if path.is_file()]
-        key = repr((file, options, state))
-        if key not in made:
-            with warnings.catch_warnings(record=True) as said:
-                warnings.simplefilter("always")
-                made[key] = original(file, **options), [each.message for each in said]
-        robot, said = made[key]
-        for message in said:
-            warnings.warn(message, stacklevel=2)
-        return robot
-
-    monkeypatch.setattr(files, "load", load)
+def robots_loaded_once(bundled_robots_loaded_once):
+    """Commands share the bundled robots that they load by name, and their random poses."""
 
 
 @pytest.fixture(autouse=True)
