@@ -743,7 +743,7 @@ def motion_band(robot: Robot, log: Log) -> float:
     window = np.hanning(count + 2)[1:-1]
     above = np.searchsorted(frequency, WIDTHS * frequency, "right") - 1
     straight, band = np.isin(robot.velocity_indices(log.joints), robot.prismatic), 0.0
-    for kind, signals in ((straight, (_as_it_is,)), (~straight, (np.sin, np.cos))):
+    for kind, signals in ((straight, (np.positive,)), (~straight, (np.sin, np.cos))):
         below = np.zeros(len(frequency))
         for position in log.position[part][:, kind].T:
             for signal in signals:
@@ -753,10 +753,6 @@ def motion_band(robot: Robot, log: Log) -> float:
             ends = (below[above] - below <= LEFT * below)[1:]
             band = max(band, float(frequency[1 + int(ends.argmax())]))
     return band
-
-
-def _as_it_is(position: FloatArray) -> FloatArray:
-    return position
 
 
 def provisional_cutoff(robot: Robot, log: Log) -> float:
