@@ -384,7 +384,8 @@ def test_check_prints_the_reference_that_chooses_another_mode(both, run_json, wr
         (("--search", "subgroup", "--alpha", "0.9"), ["alpha", "0.5 or less", "0.9"]),
         (("--search", "subgroup", "--cond-limit", "0"), ["--cond-limit", "above 1", "0"]),
         (("--search", "subgroup", "--variant", "x"), ["variant", "gap, pseudocode"]),
-        (("--alpha", "0.3"), ["alpha", "exact", "--search subgroup"]),
+        (("--alpha", "0.3"), ["--alpha", "exact", "--search subgroup"]),
+        (("--cond-limit", "10"), ["--cond-limit must", "exact", "--search subgroup"]),
     ],
 )
 def test_bad_options_of_the_subgroup_search_are_one_sentence(run, options, words):

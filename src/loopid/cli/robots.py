@@ -155,7 +155,8 @@ def subgroups_of(search: str, **options: Any) -> Any:
     given = {name: value for name, value in options.items() if value is not None}
     if given and search != SubgroupSearch.name:
         raise OptionError(
-            f"{', '.join(given)}: only of subgroup search, not of {search}: use search='subgroup'",
+            f"{next(iter(given))} must be left out of {search} search, as subgroup search alone "
+            "takes it: use search='subgroup'",
             given=search,
         )
     return SubgroupSearch(**given) if given else search
