@@ -283,7 +283,7 @@ class Fit(Estimates):
             Whether the robot's own file, or another YAML, may be replaced.
         anyway : bool
             Whether a fit is written that is not fit for use: of a log with a mistake, one that
-            breaks a law of sane ones, or that leaves a force unexplained.
+            breaks a law of sane ones, that leaves a force unexplained, or whose friction drives.
 
         Returns
         -------
