@@ -1,5 +1,7 @@
 """Friction that data ask for: a curve of each joint, its asymmetry, and what grows with load."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from loopid.identification.friction import (
     moving_samples,
 )
 from loopid.identification.joint_priors import dissipation, joint_parameters
+from loopid.identification.prediction import prediction_reach
 from loopid.logs import Recording
 from loopid.motion import Motion, Noise, joint_motion, scaled_bodies
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
@@ -199,6 +202,27 @@ def test_below_the_slowest_rate_it_stays_and_above_the_fastest_it_is_a_line(iden
     line = found.fit[f"{LEFT}.Fc"].value + found.fit[f"{LEFT}.Fv"].value * above
     np.testing.assert_allclose(curve.values, line, rtol=1e-9)
     assert (np.diff(np.ptp(curve.band, axis=1)) > 0).all()
+
+
+def test_bands_hold_friction_that_rises_below_the_rates_of_the_log(robot, motion, identified):
+    fit = identified().fit
+    velocities, accelerations = motion.velocities / 500, motion.accelerations / 250000
+    slower = replace(motion, velocities=velocities, accelerations=accelerations)
+
+    def higher(v):
+        return 0.04 * np.sign(v)
+
+    found = fit.predict(run(robot, slower, law=higher, noise=1e-4))
+    below = (np.abs(velocities) > 1e-5) & (np.abs(velocities) < fit.use.slowest / 4)
+    assert below.mean() > 0.3
+    assert (np.abs(found.residual) <= found.reach)[below].mean() > 0.95
+    assert (found.reach[below] > 2 * 1.96 * fit.unseen_rms.max()).mean() > 0.9
+    same = run(robot, motion)
+    known = np.abs(motion.velocities) > fit.use.slowest
+    plain = prediction_reach(
+        fit.require_model().samples(same).regressor, fit.covariance, fit.unseen_rms
+    )
+    np.testing.assert_allclose(fit.predict(same).reach[known], plain[known])
 
 
 def test_load_friction_is_found_and_predicted(robot, model, motion, tmp_path):
