@@ -43,7 +43,7 @@ def clean(model, runs, once):
 def test_segments_take_no_part_in_the_fits_that_judge_them(model, runs):
     run = replace(runs[0], cutoff=2.0)
     data = model.samples(run)
-    segments, time = segments_of(data, [run]), np.asarray(run.motion.time)
+    segments, time = segments_of(data), np.asarray(run.motion.time)
     kept = list(kept_without(segments, [run]))
     assert len(kept) == FOLDS
     assert np.ptp(np.bincount(segments)) <= 1
@@ -54,9 +54,22 @@ def test_segments_take_no_part_in_the_fits_that_judge_them(model, runs):
 
 def test_whole_logs_are_left_out_where_there_are_several(model, runs):
     data = samples_of(model, runs)
-    segments = segments_of(data, runs)
+    segments = segments_of(data)
     np.testing.assert_array_equal(segments, data.runs)
     assert [int(kept.sum()) for kept in kept_without(segments, runs)] == [601, 601]
+
+
+def test_parts_of_each_log_are_left_out_where_a_motor_moves_in_one_alone(model, runs):
+    both = [replace(run, cutoff=2.0) for run in runs]
+    data = samples_of(model, both)
+    turns = data.used & (data.runs[:, None] == np.arange(2))
+    segments = segments_of(replace(data, used=turns))
+    time = np.concatenate([run.motion.time for run in both])
+    for k, kept in enumerate(kept_without(segments, both)):
+        for log in (0, 1):
+            own = data.runs == log
+            assert np.abs(time[own & kept][:, None] - time[own & (segments == k)]).min() > 1 / 2.0
+    assert (segments[data.runs == 0] == segments[data.runs == 1]).all()
 
 
 def test_all_is_fitted_and_judged_as_honestly_as_by_new_data(model, runs, clean):

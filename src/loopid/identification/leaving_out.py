@@ -1,7 +1,7 @@
 """Forces of each segment of some data, predicted by fits to the others.
 
 All data can then be fitted, and all judge. What is fitted keeps apart from a segment by as much as
-the filter spreads. Of several logs each is a segment of its own.
+the filter spreads. Of several logs each is a segment of its own, unless a motor moves in one alone.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from loopid.numbers import SOLVED_ROUND_OFF
 from loopid.records import record
 
 FOLDS = 5  # segments: each fit has four fifths of the data
+IN_ONE = 0.9  # part of a motor's samples from which on those of others hardly show what it does
 REGIONS, ROWS = 16, 10  # of states, at most, and samples of each at least
 DIGITS = 6  # of states in their deviations, that separate them
 SAME = 0.05  # of the deviations of states: such ones are the same
@@ -55,7 +56,7 @@ class LeftOut:
         refits : dict of callable
             For each candidate: values (n,) from samples, some of which are not used.
         """
-        segments = segments_of(data, recordings)
+        segments = segments_of(data)
         values: dict[str, list[FloatArray]] = {name: [] for name in refits}
         with warnings.catch_warnings():  # the same as of all data
             warnings.simplefilter("ignore")
@@ -71,12 +72,26 @@ class LeftOut:
         return np.asarray((data.regressor @ values[:, :, None])[:, :, 0])
 
 
-def segments_of(data: FitSamples, recordings: Sequence[Recording]) -> IntArray:
-    """The segment (N,) of each sample: whole logs, or equal parts of the time that motors move."""
-    if len(recordings) > 1:
+def whole_logs(data: FitSamples) -> bool:
+    """Whether whole logs are left out: there are several, and each motor moves in more than one."""
+    folds = data.runs % FOLDS
+    samples = np.array([data.used[folds == k].sum(axis=0) for k in np.unique(folds)])
+    return len(samples) > 1 and bool((samples.max(axis=0) <= IN_ONE * samples.sum(axis=0)).all())
+
+
+def segments_of(data: FitSamples) -> IntArray:
+    """The segment (N,) of each sample: whole logs, or equal parts of the time that motors move.
+
+    Of several logs that are not left out whole, parts of each.
+    """
+    if whole_logs(data):
         return np.asarray(data.runs % FOLDS)
-    moving = np.cumsum(data.used.any(axis=1))
-    return np.asarray(np.minimum(moving * FOLDS // (moving[-1] + 1), FOLDS - 1))
+    segments, moves = np.zeros(len(data), dtype=np.int64), np.asarray(data.used.any(axis=1))
+    for log in np.unique(data.runs):
+        own = np.flatnonzero(data.runs == log)
+        moving = np.cumsum(moves[own])
+        segments[own] = np.minimum(moving * FOLDS // (moving[-1] + 1), FOLDS - 1)
+    return segments
 
 
 def regions_of(recordings: Sequence[Recording]) -> IntArray:
@@ -107,7 +122,7 @@ def repeated_share(data: FitSamples, recordings: Sequence[Recording]) -> float:
     """
     from scipy.spatial import cKDTree  # slow to import
 
-    states, segments = _states(recordings), segments_of(data, recordings)
+    states, segments = _states(recordings), segments_of(data)
     near = 0
     for k, kept in enumerate(kept_without(segments, recordings)):
         if kept.any():
@@ -118,11 +133,13 @@ def repeated_share(data: FitSamples, recordings: Sequence[Recording]) -> float:
 
 def kept_without(segments: IntArray, recordings: Sequence[Recording]) -> Iterator[BoolArray]:
     """For each segment the samples (N,) that are beyond the filter's reach of it."""
-    time = np.concatenate([run.motion.time for run in recordings])
-    gaps = [REACH / run.cutoff if run.cutoff else 0.0 for run in recordings]
+    ends = np.cumsum([len(run) for run in recordings])
     for k in range(int(segments.max()) + 1):
         kept = segments != k
-        if len(recordings) == 1:
-            first, last = time[~kept][[0, -1]]
-            kept &= (time < first - gaps[0]) | (time > last + gaps[0])
+        for run, stop in zip(recordings, ends.tolist(), strict=True):
+            own, time = segments[stop - len(run) : stop] != k, run.motion.time
+            if not own.all() and own.any():
+                first, last = time[~own][[0, -1]]
+                gap = REACH / run.cutoff if run.cutoff else 0.0
+                kept[stop - len(run) : stop] &= (time < first - gap) | (time > last + gap)
         yield kept

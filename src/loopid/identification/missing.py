@@ -311,7 +311,7 @@ def _wrong_length(
     thinned = fit.with_result(weights=np.sqrt(step) * fit.result.weights)
     fit = _refitted(replace(thinned, samples=replace(samples, **chosen, instruments=None)))
     runs = [run.select(every) for run in recordings]
-    test = _Test(fit, runs, len(force_model.parameters))
+    test = _Test(fit, len(force_model.parameters))
     lengths = length_forces(force_model, standard, runs)
     tried = {place: test.of(force[:, :, None]) for place, force in lengths.items()}
     if not tried:
@@ -410,11 +410,11 @@ class _Test:
     Of the fit's parameters, so many are estimates.
     """
 
-    def __init__(self, fit: WorkingFit, recordings: Sequence[Recording], estimates: int) -> None:
+    def __init__(self, fit: WorkingFit, estimates: int) -> None:
         samples, result, n = fit.samples, fit.result, len(fit.result.parameters)
         noise = result.require_noise()
         self.fit, self.used, self.estimates = fit, samples.used, estimates
-        self.segments = segments_of(samples, recordings)
+        self.segments = segments_of(samples)
         self.inverse = np.linalg.inv(fit.factor[:n, :n])
         self.scale = result.weights * samples.used
         self.columns = (samples.regressor @ self.inverse) * self.scale[:, :, None]
@@ -563,7 +563,7 @@ class _Search:
         self, fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording]
     ) -> None:
         self.force_model, self.recordings = force_model, recordings
-        self.test = _Test(fit, recordings, len(force_model.parameters))
+        self.test = _Test(fit, len(force_model.parameters))
         loads = force_model.loads(fit.samples.regressor[:, :, : len(force_model.parameters)])
         parts = np.split(loads, np.cumsum([len(run) for run in recordings])[:-1])
         each = zip(recordings, parts, strict=True)

@@ -68,7 +68,7 @@ class UnseenErrors:
         """Of a candidate, whose fit knows its model, on samples of recordings."""
         error, used = new.force - candidate.predicted, new.used
         rates = np.abs(np.concatenate([run.motion.velocities for run in recordings]))
-        segments = segments_of(new, recordings)
+        segments = segments_of(new)
         parts = [used & (segments == k)[:, None] for k in range(int(segments.max()) + 1)]
         if len(recordings) > 1:
             parts = [used & (new.runs == k)[:, None] for k in range(len(recordings))]

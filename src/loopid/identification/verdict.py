@@ -10,6 +10,7 @@ from loopid.errors import first_of
 from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.friction_curves import friction_at_ends, frictional_joints
+from loopid.identification.leaving_out import whole_logs
 from loopid.identification.missing import missing_findings
 from loopid.identification.outcome import ALL, ROUGH, Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS, WHOLE_FORCE
@@ -95,7 +96,7 @@ class Verdict:
         significant = count - len(insignificant(found.fit))
         mistake = next(iter(found.mistakes), None)
         excite, improvement = _improvement(found)
-        left_out = "logs" if len(found.training) > 1 else "segments"
+        left_out = "logs" if whole_logs(found.data) else "segments"
         return cls(
             NOT_FIT if mistake else _use(found, error),
             found.new.actuators[worst],
