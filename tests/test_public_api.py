@@ -288,7 +288,7 @@ def good(instances):
         "ControlLoop.run": {"positions": steps, "velocities": steps, "accelerations": steps},
         "LowPass.apply": {"values": np.zeros(2000)},
         "FitSamples.beside": {"columns": samples.force[:, :, None]},
-        "FitSamples.apart_from": {"columns": samples.force},
+        "FitSamples.apart_from": {"columns": samples.force[:, :, None]},
         "Dynamics.payload_columns": {"link": "left_crank"},
     }
     return shared, own

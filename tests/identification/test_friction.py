@@ -1,5 +1,7 @@
 """Friction that data ask for: a curve of each joint, its asymmetry, and what grows with load."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,8 @@ from loopid.identification.friction import (
     moving_samples,
 )
 from loopid.identification.joint_priors import dissipation, joint_parameters
+from loopid.identification.prediction import prediction_reach
+from loopid.identification.ripple import ripple_columns
 from loopid.logs import Recording
 from loopid.motion import Motion, Noise, joint_motion, scaled_bodies
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
@@ -201,6 +205,27 @@ def test_below_the_slowest_rate_it_stays_and_above_the_fastest_it_is_a_line(iden
     assert (np.diff(np.ptp(curve.band, axis=1)) > 0).all()
 
 
+def test_bands_hold_friction_that_rises_below_the_rates_of_the_log(robot, motion, identified):
+    fit = identified().fit
+    velocities, accelerations = motion.velocities / 500, motion.accelerations / 250000
+    slower = replace(motion, velocities=velocities, accelerations=accelerations)
+
+    def higher(v):
+        return 0.04 * np.sign(v)
+
+    found = fit.predict(run(robot, slower, law=higher, noise=1e-4))
+    below = (np.abs(velocities) > 1e-5) & (np.abs(velocities) < fit.use.slowest / 4)
+    assert below.mean() > 0.3
+    assert (np.abs(found.residual) <= found.reach)[below].mean() > 0.95
+    assert (found.reach[below] > 2 * 1.96 * fit.unseen_rms.max()).mean() > 0.9
+    same = run(robot, motion)
+    known = np.abs(motion.velocities) > fit.use.slowest
+    plain = prediction_reach(
+        fit.require_model().samples(same).regressor, fit.covariance, fit.unseen_rms
+    )
+    np.testing.assert_allclose(fit.predict(same).reach[known], plain[known])
+
+
 def test_load_friction_is_found_and_predicted(robot, model, motion, tmp_path):
     """A link loads its gear and the rotor beside it does not, though both turn alike."""
     values = f"{LINE},Ia=0.1; {LEFT}: Ft=0.08"
@@ -239,6 +264,30 @@ def test_logs_with_filtered_steps_are_asked_too(robot, model, tmp_path):
         assert recording.history is not None
         found = identify_unjudged(model, recording)
         assert {joint for joint, _ in found_groups(found)} == joints
+
+
+@pytest.mark.parametrize("number", [None, 200.0])
+def test_ripple_that_the_filter_leaves_at_low_speed_is_no_friction(robot, model, number):
+    """Teeth or poles: at top speed it waves far above the band."""
+    motion = wander(robot, 4, 12.0, 100.0, size=(0.5, 0.5))
+    made = simulated(robot, motion, None, 0, None, JointTerms.with_values(robot, LINE))
+    force = made.force + np.random.default_rng(0).normal(size=made.force.shape) * 0.01
+    if number is not None:
+        force[:, 0] += 0.05 * np.sin(number * made.position[:, 0] + 1.0)
+    log = unchecked(made.time, made.position, force, robot.actuated)
+    recording = quietly(loopid.prepare, robot, log, filter=FilterOptions(cutoff=8.0))
+    assert (number or 200.0) * np.abs(motion.velocities[:, 0]).max() > 2 * np.pi * 1.5 * 8.0
+    data = model.samples(recording)
+    weights = error_weights(data.problem, quiet_fit(data).noise)
+    ripple = ripple_columns(model, data, [recording], weights)
+    assert ripple.any(axis=(0, 2)).tolist() == [number is not None, False]
+    if number is not None:
+        phase = number * made.position[:, :1] + [0.0, np.pi / 2]
+        wave, own = recording.lowpassed(np.sin(phase))[data.used[:, 0]], ripple[data.used[:, 0], 0]
+        x, *_ = np.linalg.lstsq(own, wave, rcond=None)
+        assert np.linalg.norm(own @ x - wave) < 0.1 * np.linalg.norm(wave)
+        found = identify_unjudged(model, recording)
+        assert not found_groups(found)
 
 
 # Reading it off.
@@ -323,7 +372,7 @@ def test_friction_that_is_less_at_rest_is_no_shape_of_it(robot, sticking, less):
     if less > 0:
         beside, without = (
             np.array([fit[f"{joint}.Fc"].value for joint in robot.actuated])
-            for fit in (quiet_fit(data), quiet_fit(data.apart_from(columns)))
+            for fit in (quiet_fit(data), quiet_fit(data.apart_from(columns[:, :, None])))
         )
         assert np.abs(without - 0.1).max() < 1e-3 < 2e-3 < np.abs(beside - 0.1).max()
 

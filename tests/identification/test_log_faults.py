@@ -509,6 +509,23 @@ def test_no_size_is_named_whose_interval_is_wider_than_itself(reach, worth):
     assert found.worth(None) == worth
 
 
+@pytest.mark.parametrize(
+    ("error", "carried", "worth"), [(0.01, 0.1, False), (0.5, 0.1, True), (0.01, 0.9, True)]
+)
+def test_no_gain_turns_forces_that_are_explained_into_those_of_springs(
+    load_once, error, carried, worth
+):
+    robot = load_once("five_bar")
+    model = Evidence(robot, [record(robot, wander(robot, 0, seconds=5.0, rate=40.0))], None)
+    plain = model.weighed(model.recorded)
+    assert plain.carried == pytest.approx(plain.shape, rel=0.05)  # its bodies explain its forces
+    found, after = (
+        plain._replace(error=error * plain.shape),
+        plain._replace(carried=carried * plain.shape),
+    )
+    assert _Find("common_gain", (0, 1), after, 0.0, 0.02, 0.005).worth(found) == worth
+
+
 def test_a_mistake_of_positions_shows_in_the_force_of_any_motor(load_once):
     robot = load_once("five_bar")
     model = Evidence(robot, [record(robot, wander(robot, 0, seconds=5.0, rate=40.0))], None)

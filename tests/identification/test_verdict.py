@@ -102,6 +102,16 @@ def test_a_right_one_is(identified):
     assert (rms >= found["consistent"].validation.residual_rms).all()
 
 
+def test_it_says_below_which_speed_friction_is_unknown(identified):
+    found = identified()
+    use = found.fit.use
+    assert found.verdict.slowest == max(use.slowest / use.fastest) > 0
+    part = loopid.numbers.number(100 * found.verdict.slowest, 1)
+    assert f"Below {part} % of its top speed" in str(found.verdict)
+    none = replace(found.verdict, slowest=0.0)
+    assert "top speed" not in str(none)
+
+
 def of_a_drive(robot, lacking, seed=4):
     """Forces without what the drive of the left crank adds in proportion to its speed."""
     motion = wander(robot, seed, 6.0, 50.0, size=(0.5, 0.5))

@@ -85,6 +85,7 @@ class Explanation(NamedTuple):
     values: FloatArray  # (n,), in standard deviations
     error: FloatArray  # (d,), in the root mean square
     shape: FloatArray  # (d,), of the forces less friction and inertia of the drive
+    carried: FloatArray  # (d,), of the forces by the bodies
 
 
 class _Table(NamedTuple):
@@ -356,12 +357,22 @@ class Evidence:
         lost[[self._tables[_pose(one)] is None for one in undone]] = inf
         values = np.zeros((len(x), self._count))
         values[:, kept[:-2]] = x
-        return list(map(Explanation, undone, (-lost).tolist(), values, error, shape))
+        bodies = z[:, None] * self._of_bodies[kept]
+        carried = ((products @ bodies[..., None])[..., 0] * bodies).sum(axis=2)
+        carried = np.sqrt(np.maximum(carried, 0.0))
+        return list(map(Explanation, undone, (-lost).tolist(), values, error, shape, carried))
 
     @property
     def _count(self) -> int:
         """Of the columns that explain."""
         return (2 + DEGREE) * len(self.names) + int(self.columns.shape[1]) - 1
+
+    @property
+    def _of_bodies(self) -> BoolArray:
+        """Which columns are of bodies (n + 2,), with the known ones and the force."""
+        columns = np.arange(self._count + 2) - len(self.names)
+        own = (columns >= 0) & (columns < self.sensed)
+        return np.asarray(own | (columns == columns[-2]))
 
     def _weights(self, missing: tuple[int, ...]) -> FloatArray:
         """What columns count for beside some rivals (n + 2,), with the known ones and the force."""

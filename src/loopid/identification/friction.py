@@ -35,6 +35,7 @@ from loopid.identification.hysteresis import POSSIBLE, RESOLVED, possible_hyster
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import MotorUse, NoiseModel, TermDeviations
 from loopid.identification.result import Fit
+from loopid.identification.ripple import ripple_columns
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.regressors.joint_laws import ASYMMETRY, CURVE, LOAD, RATIO, joint_term
@@ -160,15 +161,19 @@ def friction_at_rest(
     return columns
 
 
-def moving_samples(data: FitSamples, rest: FloatArray) -> FitSamples:
+def moving_samples(
+    data: FitSamples, rest: FloatArray, ripple: FloatArray | None = None
+) -> FitSamples:
     """Samples without friction at rest (N, dof), as ``friction_at_rest`` gives it.
 
     What shows it is left out: beside it, at low speed, a curve could have any size. What else there
-    is of it is set apart.
+    is of it is set apart, and columns of ripple (N, dof, k) are.
     """
+    apart = rest[:, :, None]
+    apart = apart if ripple is None else np.concatenate([apart, ripple], axis=2)
     shows = (np.abs(rest) > SPREAD) & data.used
     shows &= shows.sum(axis=0) <= MOST_AT_REST * data.used.sum(axis=0)
-    return replace(data, used=data.used & ~shows).apart_from(rest)
+    return replace(data, used=data.used & ~shows).apart_from(apart)
 
 
 @checked
@@ -235,11 +240,17 @@ def with_friction(
     with one_blas_thread():
         every, rank = excited_solution(moving.problem.weighted(whole.weights), LEAST_EXCITATION)
     noise = residual_noise(moving, every, rank)
+    ripple = ripple_columns(force_model, moving, recordings, weights)
+    if ripple.shape[2]:
+        moving = moving_samples(data, rest, ripple)
+        with one_blas_thread():
+            every, rank = excited_solution(moving.problem.weighted(whole.weights), LEAST_EXCITATION)
+        noise = residual_noise(moving, every, rank)
     for _ in range(ROUNDS if kinds else 0):
         standard = consistent_parameters(wide, moving, noise)
         noise = residual_noise(moving, wide.base.values(standard), rank)
         wide, data = beside(kinds, standard)
-        moving = moving_samples(data, rest)
+        moving = moving_samples(data, rest, ripple)
     honest = False  # whether errors are with what a fit took up of slow ones added back
     while True:
         noise = _of_motors(kinds, noise, whole.require_noise())
@@ -251,7 +262,7 @@ def with_friction(
             return wide, data, working
         kinds, noise, honest = asked, fit.require_noise(), True
         wide, data = beside(kinds, fit.require_bodies())
-        moving = moving_samples(data, rest)
+        moving = moving_samples(data, rest, ripple)
 
 
 def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:

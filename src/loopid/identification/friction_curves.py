@@ -111,7 +111,7 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     state = fit.joint_terms.state(JointState(None, rate, None))
     terms = [joint_term(fit.parameters[j].kind) for j in columns]
     laws = np.stack([term.signal(state, len(rate)) for term in terms], axis=1)
-    doubt = _doubt(fit, joint, rate, np.abs(laws @ fit.values[columns]))
+    doubt = friction_doubt(fit, joint, rate, np.abs(laws @ fit.values[columns]))
     values, reach = with_reach(fit, columns, laws, doubt)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
 
@@ -215,7 +215,7 @@ def friction_at_ends(fit: Estimates, joint: str) -> tuple[FloatArray, FloatArray
     return (forwards.values - backwards.values) / 2 / largest, reach / largest
 
 
-def _doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
+def friction_doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
     """Deviation (k,) of friction of sizes (k,) between the points of its curves, and beyond.
 
     A curve is linear between its points, its prior is not. Beyond the rates that samples have

@@ -24,7 +24,7 @@ import numpy as np
 from loopid.arguments import NOT_EMPTY, FloatArray, checked
 from loopid.errors import first_of
 from loopid.findings import EVIDENCE, Finding
-from loopid.identification.evidence import Evidence, Explanation, Undone
+from loopid.identification.evidence import STRANGE, Evidence, Explanation, Undone
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, ZERO_OFF, Motors, called
@@ -48,6 +48,8 @@ SHAPE, FACTOR_SHAPE, SMALL_SHAPE, SMALL = 0.4, 0.15, 0.6, 0.1
 # Half of the 95 % interval at most, as a part of the size: a size that is not known is none. Errors
 # of motors that were exchanged, over those before, at most.
 KNOWN, BETTER = 0.5, 0.8
+# Part of the shape of forces that the bodies carry at least, once a gain is undone.
+CARRIED = 0.5
 BY_HAND = Finding(
     "mistake",
     "the robot was moved by hand",
@@ -277,10 +279,18 @@ class _Find(NamedTuple):
         if KINDS[self.kind].added:
             return abs(size) - reach > least
         usual = size - reach <= least and 1 / least <= size + reach
+        usual |= KINDS[self.kind].fields == ("gain",) and self._carried_by_others(found)
         known = reach <= KNOWN * abs(size)
         # Of a time axis that is too short, missing inertia shows how much at least.
         known |= self.kind == "factor" and size + reach < 1
         return (known or self.small) and not usual
+
+    def _carried_by_others(self, found: Explanation) -> bool:
+        """Whether a gain makes forces that were explained ones that no body carries, as springs."""
+        own, after = list(self.motors), self.after
+        large = found.error > STRANGE * found.shape
+        carried = after.carried > CARRIED * after.shape
+        return not (large | carried)[own].any()
 
     @property
     def small(self) -> bool:

@@ -10,6 +10,8 @@ from loopid.arguments import BoolArray, FloatArray, checked, finite, variances
 from loopid.errors import DataError
 from loopid.files import csv_text
 from loopid.identification.estimates import Estimates
+from loopid.identification.friction_curves import friction_columns, friction_doubt
+from loopid.identification.problem import FitSamples
 from loopid.identification.quality import Quality
 from loopid.logs.preparing import at_cutoff
 from loopid.logs.recording import Recording, require_robot
@@ -112,8 +114,19 @@ def predicted(fit: Estimates, recording: Recording) -> Prediction:
         (recording,) = at_cutoff(model.robot, [recording], fit.cutoff)
     samples, reach = model.samples(recording), None
     if fit.unseen_rms is not None:
-        reach = prediction_reach(samples.regressor, fit.covariance, fit.unseen_rms)
+        errors = np.nan_to_num(fit.unseen_rms) ** 2 + _friction_doubt(fit, recording, samples)
+        reach = prediction_reach(samples.regressor, fit.covariance, np.sqrt(errors))
     return Prediction(recording, samples.predicted(fit.values), reach)
+
+
+def _friction_doubt(fit: Estimates, recording: Recording, samples: FitSamples) -> FloatArray:
+    """Variances (N, dof) of friction of motors slower or faster than in the data of a fit."""
+    found = np.zeros(recording.force.shape)
+    for k, motor in enumerate(recording.actuators):
+        columns = friction_columns(fit, motor)
+        size = np.abs(samples.regressor[:, k, columns] @ fit.values[columns])
+        found[:, k] = friction_doubt(fit, motor, recording.motion.velocities[:, k], size) ** 2
+    return found
 
 
 @checked
@@ -132,7 +145,8 @@ def prediction_reach(
     covariance : FloatArray
         (n, n).
     errors : FloatArray, optional
-        (dof,), root mean squares in N or N m, as ``Fit.unseen_rms``; NaN for unknown ones.
+        (dof,) or (N, dof), root mean squares in N or N m, as ``Fit.unseen_rms``; NaN for unknown
+        ones.
 
     Raises
     ------

@@ -32,6 +32,8 @@ from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.records import record
 
+DEPENDENT = 1e-6  # part of a unit column beside the others below which it adds nothing
+
 
 @record(checked=True)
 class FitProblem:
@@ -344,18 +346,19 @@ class FitSamples:
         return self.with_force(self.force - shaped(force, "force", *self.force.shape))
 
     def apart_from(self, columns: FloatArray) -> FitSamples:
-        """The same samples without what a column of each motor (N, dof) explains, of any size.
+        """The same samples without what columns of each motor (N, dof, k) explain, of any size.
 
         Least squares of what is left are those beside the columns [FrischWaugh1933].
         """
-        unit = shaped(columns, "columns", *self.force.shape) * self.used
-        unit /= np.maximum(np.linalg.norm(unit, axis=0), np.finfo(float).tiny)
-        W, tau = self.regressor, self.force
-        return replace(
-            self,
-            regressor=_own(W - unit[:, :, None] * np.einsum("ti,tik->ik", unit, W)),
-            force=tau - unit * (unit * tau).sum(axis=0),
+        own = shaped(
+            columns, "columns", *self.force.shape, columns.shape[2] if columns.ndim == 3 else 0
         )
+        W, tau = self.regressor.copy(), self.force.copy()
+        for i, apart in enumerate(np.moveaxis(own * self.used[:, :, None], 1, 0)):
+            unit = _orthonormal(apart)
+            W[:, i] -= unit @ (unit.T @ W[:, i])
+            tau[:, i] -= unit @ (unit.T @ tau[:, i])
+        return replace(self, regressor=_own(W), force=tau)
 
     def with_instruments(self, instruments: FloatArray) -> FitSamples:
         """The same samples with instruments (N, dof, n), which go wherever the samples go.
@@ -399,6 +402,13 @@ class FitSamples:
             least_errors=np.max([part.least_errors for part in parts], axis=0),
             instruments=np.concatenate(instruments) if instruments else None,
         )
+
+
+def _orthonormal(columns: FloatArray) -> FloatArray:
+    """Unit columns (N, r) that span columns (N, k), each of any size."""
+    size = np.linalg.norm(columns, axis=0)
+    U, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.asarray(U[:, values > DEPENDENT])
 
 
 def _own(array: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from loopid.errors import first_of
 from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
-from loopid.identification.friction_curves import friction_at_ends
+from loopid.identification.friction_curves import friction_at_ends, frictional_joints
 from loopid.identification.missing import missing_findings
 from loopid.identification.outcome import ALL, ROUGH, Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS, WHOLE_FORCE
@@ -68,6 +68,9 @@ class Verdict:
     where : str
         Where the error is: ``"whole"`` data, the worst ``"part"``, ``"regions"`` of states that
         were left out, at ``"slow"`` speed, or at ``"standstill"``.
+    slowest : float
+        Part of its fastest rate in the logs from which on friction of every motor is known; 0
+        without friction.
     """
 
     use: str
@@ -82,6 +85,7 @@ class Verdict:
     improvement: str
     mistake: Finding | None = None
     where: str = "whole"
+    slowest: float = 0.0
 
     @classmethod
     def of(cls, found: Outcome) -> Verdict:
@@ -105,6 +109,7 @@ class Verdict:
             mistake.do if mistake else improvement,
             mistake,
             where,
+            _slowest(found.fit),
         )
 
     def __str__(self) -> str:
@@ -116,7 +121,7 @@ class Verdict:
         page = "" if self.error <= ROUGH else f" ({PAGE})"
         return (
             f"{self.use}. On {judged}{band}, errors are at most {number(100 * self.error, 2)} % "
-            f"of a motor's force ({at}).{self._beside_file} {self.significant} of "
+            f"of a motor's force ({at}).{self._beside_file}{self._when_slow} {self.significant} of "
             f"{self.parameters} values are significant. Next: {self.improvement}{page}."
         )
 
@@ -146,6 +151,13 @@ class Verdict:
             f" Over all motors they are {size:.0f}{spread} % {change} than with the given bodies."
         )
 
+    @property
+    def _when_slow(self) -> str:
+        """Speeds at which friction is unknown; empty without friction."""
+        part = number(100 * self.slowest, 1)
+        said = f" Below {part} % of its top speed in the log, friction of a motor is unknown."
+        return said * bool(self.slowest)
+
 
 # What judged, in words.
 JUDGED = {
@@ -155,6 +167,15 @@ JUDGED = {
     "regions": "states left out of the fit",
 }
 AT = {"slow": ", at low speed", "standstill": ", at standstill"}
+
+
+def _slowest(fit: Fit) -> float:
+    """Part of its fastest rate from which on friction of every motor is known.
+
+    Below, a fit has what there is at that rate, and Stribeck friction may be anything more.
+    """
+    ends = (fit.rates_of(joint) for joint in frictional_joints(fit))
+    return max((slowest / fastest for slowest, fastest in filter(None, ends)), default=0.0)
 
 
 def _better(found: Outcome) -> Finding | None:

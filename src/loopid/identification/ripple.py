@@ -1,0 +1,142 @@
+"""Ripple of forces over the position of a motor: teeth that mesh, poles, a harmonic drive.
+
+It waves many times over the range of a motor. Where that is fast the filter takes it off. Where it
+is slow a few waves stay, which look like a friction curve. So before friction is chosen, waves that
+the evidence asks for are set apart: all else is fitted beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import log, pi
+
+import numpy as np
+
+from loopid.arguments import FloatArray, IntArray
+from loopid.findings import EVIDENCE
+from loopid.identification.force_models import ForceModel
+from loopid.identification.hysteresis import slip_evidence
+from loopid.identification.problem import FitSamples
+from loopid.logs.recording import Recording
+from loopid.robot.robot import position_of
+from loopid.workers import one_blas_thread
+
+LEAST_WAVES = 5  # over the range of a motor: fewer look like what bodies do
+MOST_RIPPLES = 3  # numbers of waves of a motor
+# Part of a motor's samples that are slow: waves are tried that pass the filter there, some of them.
+SLOW, PASSED = 0.01, 2.0
+LIKELIEST = 5  # numbers of waves that are looked at closely
+# Bins of positions in a wave; and numbers of waves that are tried for each that the range resolves.
+BINS, CLOSELY = 8, 8
+DETERMINED = 1e-6  # of the largest singular value: combinations below have no effect
+
+
+def ripple_columns(
+    force_model: ForceModel,
+    data: FitSamples,
+    recordings: Sequence[Recording],
+    weights: FloatArray,
+) -> FloatArray:
+    """Sines and cosines (N, dof, k) over position that motors show beside all that is fitted.
+
+    Of samples of recordings, with ``weights`` (dof,), one over the deviations of forces.
+    """
+    shown, left = list[FloatArray](), _Beside(data, weights)
+    for row, motor in enumerate(data.actuators):
+        if motor in force_model.robot.actuated and force_model.robot.joint(motor).nv == 1:
+            shown.append(_of_motor(force_model, row, left, recordings))
+    found = np.zeros((*data.force.shape, 2 * MOST_RIPPLES))
+    for row, own in zip(map(data.actuators.index, force_model.robot.actuated), shown, strict=True):
+        found[:, row, : own.shape[1]] = own
+    return found[:, :, found.any(axis=(0, 1))]
+
+
+class _Beside:
+    """What is left of columns and forces of a motor beside all that is fitted."""
+
+    def __init__(self, data: FitSamples, weights: FloatArray) -> None:
+        self.data, self.weights = data, weights
+        with one_blas_thread():
+            *_, R, y = np.split(data.problem.weighted(weights), [0, -1], axis=1)
+            _, values, V = np.linalg.svd(R, full_matrices=False)
+            keep = values > DETERMINED * values[:1]
+            self.turn = V[keep].T / values[keep]
+            self.fitted = self.turn @ (self.turn.T @ (R.T @ y[:, 0]))
+        self.residual = data.residual(self.fitted)
+
+    def evidence(self, row: int, columns: FloatArray) -> float:
+        """Of columns (N, k) in the force of a motor."""
+        data = self.data
+        used, weight = data.used[:, row], self.weights[row]
+        c = weight * columns[used]
+        turned = (weight * data.regressor[used, row] @ self.turn).T @ c
+        L = np.linalg.cholesky(c.T @ c - turned.T @ turned)
+        s = np.linalg.solve(L, c.T @ (weight * self.residual[used, row]))
+        return slip_evidence(L.T, s, float(data.problem.force_rms[row]))
+
+
+def _of_motor(
+    force_model: ForceModel, row: int, beside: _Beside, recordings: Sequence[Recording]
+) -> FloatArray:
+    """Columns (N, k) of a motor."""
+    data, joint = beside.data, force_model.robot.joint(beside.data.actuators[row])
+    used, columns = data.used[:, row], np.zeros((len(data), 0))
+    rate = np.concatenate([run.motion.velocities[:, row] for run in recordings])
+    slow = float(np.quantile(np.abs(rate[used]), SLOW)) if used.any() else 0.0
+    cutoffs = [run.cutoff for run in recordings if run.cutoff is not None]
+    if not (slow > 0 and cutoffs):
+        return columns
+    most = 2 * pi * PASSED * max(cutoffs) / slow
+    position = [np.unwrap(position_of(joint, run.motion.configurations)) for run in recordings]
+    kept, left = np.concatenate(position)[used], beside.residual[used, row]
+    before = 0.0
+    for _ in range(MOST_RIPPLES):
+        numbers, tried = _likeliest(kept, left, most)
+        waves = [
+            np.concatenate(
+                [_waves(*each, number) for each in zip(recordings, position, strict=True)]
+            )
+            for number in numbers
+        ]
+        wider = [np.concatenate([columns, each], axis=1) for each in waves]
+        evidence = [beside.evidence(row, each) for each in wider]
+        best = max(range(len(wider)), key=evidence.__getitem__, default=None)
+        if best is None or evidence[best] - before - log(tried) < EVIDENCE:
+            break
+        columns, before = wider[best], evidence[best]
+        own = columns[used]
+        left = beside.residual[used, row]
+        left = left - own @ np.linalg.lstsq(own, left, rcond=None)[0]
+    return columns
+
+
+def _waves(run: Recording, position: FloatArray, number: float) -> FloatArray:
+    """Sine and cosine (N, 2) over positions (N,), filtered at the rate of the log."""
+    if run.history is not None:
+        rows = np.arange(len(run.history.velocity))
+        position = np.interp(rows, run.history.rows, position)
+    waves = np.stack([np.sin(number * position), np.cos(number * position)], axis=1)
+    return run.lowpassed(waves)
+
+
+def _likeliest(position: FloatArray, left: FloatArray, most: float) -> tuple[list[float], int]:
+    """Numbers of waves, up to the most, that residuals (n,) show most; how many were tried.
+
+    Over the range these are no more than samples.
+    """
+    reach = max(float(np.ptp(position)), np.finfo(float).tiny)
+    most = min(most, 2 * pi * len(left) / reach)
+    if not reach * most > 2 * pi * LEAST_WAVES:
+        return [], 0
+    width = 2 * pi / (BINS * most)
+    places: IntArray = ((position - position.min()) / width).astype(np.int64)
+    sums = np.bincount(places, left)
+    count = CLOSELY * len(sums)
+    numbers = 2 * pi * np.arange(count // 2 + 1) / (count * width)
+    allowed = (numbers >= 2 * pi * LEAST_WAVES / reach) & (numbers <= most)
+    sizes, found = np.where(allowed, np.abs(np.fft.rfft(sums, count)), 0.0), list[float]()
+    while len(found) < LIKELIEST and sizes.any():
+        number = float(numbers[sizes.argmax()])
+        found.append(number)
+        sizes[np.abs(numbers - number) < 2 * pi / reach] = 0.0
+    return found, int(allowed.sum()) // CLOSELY
