@@ -431,3 +431,12 @@ def test_intervals_hold(name, noise, request):
         exact = case.base.values(truth)
         inside.append((low <= exact) & (exact <= high))
     assert 0.88 < np.mean(inside) < 0.995
+
+
+def test_forces_that_no_bodies_have_are_fitted_by_the_best_ones(arm_case, off):
+    """By nearly flat ones, along whose limits steps of bodies alone are short."""
+    samples, _ = off
+    turned = samples.with_force(-samples.force)
+    found = quiet_consistent_fit(arm_case.model, turned, noise_of(samples)).result
+    assert found.settled
+    assert solid(arm_case, found)

@@ -247,6 +247,21 @@ def test_rates_in_degrees(swings, made):
     refused(made, *signals, quantity="velocity", joint="swing", tolerance=1.25)
 
 
+@pytest.mark.parametrize("late", [-0.012, 0.0, 0.012])
+def test_velocities_that_are_late_are_not_used(swings, made, late):
+    """Forces would be taken for late, or early, beside them; noise alone is no delay."""
+    time = np.arange(0, 5, 0.01)
+    angle = np.round(np.sin(3 * time), 3)[:, None]
+    noise = np.random.default_rng(0).normal(size=angle.shape)
+    rates = 3 * np.cos(3 * (time[:, None] - late)) + 0.05 * noise
+    signals = swings["revolute"], time, angle, angle, rates
+    if not late:
+        np.testing.assert_array_equal(made(*signals).velocity, rates)
+        return
+    with pytest.warns(DataWarning, match=r"swing is 1\d ms " + ("late" if late > 0 else "early")):
+        assert made(*signals).velocity is None
+
+
 @pytest.mark.parametrize("unit", ["mm", "N"])
 def test_units_of_slides_at_a_hinge(swings, unit):
     time = np.arange(0, 5, 0.01)

@@ -14,7 +14,8 @@ that does not drive (``joint_priors.py``).
 Newton's method turns with the bodies. With L a factor of the present P = L Lᵀ, the Hessian of D is
 the identity in Z. So each step is a ridge regression. An orthogonal factorisation solves it at any
 scaling. Where it would leave the limits, it is a least-distance problem, solved by non-negative
-least squares [Lawson1974, ch. 23].
+least squares [Lawson1974, ch. 23]. Where it would leave the solid bodies, steps of pairs come first
+[Nesterov1998].
 
 The deviations are those under which the data are most likely, by MacKay's fixed point [MacKay1992].
 Those of single bodies scatter about a common s as 1 / s_i² ~ Gamma(ν / 2, ν s² / 2). A body that is
@@ -193,7 +194,7 @@ def consistent_parameters(
             state = replace(state, deviations=far.own)
         if like.term_deviations is not None:
             state = replace(state, groups=like.term_deviations.own)
-        return bodies + program.standard(_minimised(program, _approached(program, state))[0])
+        return bodies + program.standard(_minimised(program, state)[0])
 
 
 def fit_terms(
@@ -393,6 +394,16 @@ class _State:
     groups: FloatArray
     settled: bool = True
 
+    @property
+    def metric(self) -> FloatArray:
+        """B (b, 4, 4) of changes L B Z B Lᵀ of the bodies: of size s near L Lᵀ."""
+        return np.sqrt(self.deviations)[:, None, None] * np.eye(4)
+
+    @property
+    def weights(self) -> FloatArray:
+        """1 / s² (b, 1, 1)."""
+        return 1 / self.deviations[:, None, None] ** 2
+
 
 @dataclass(frozen=True, eq=False)
 class _Step:
@@ -521,35 +532,40 @@ class _Program:
         u = self.terms.departures(state.joints, state.groups)
         return float(0.5 * (e @ e + u @ u) + (self.divergences(state) / state.deviations**2).sum())
 
-    def changes(self, state: _State) -> FloatArray:
+    def changes(self, state: _State, metric: FloatArray | None = None) -> FloatArray:
         """Changes (p, 10 b + k) of all standard parameters with z."""
-        L, count = state.factors[:, None], len(state.joints)
-        turned = _vector(L @ UNITS @ L.swapaxes(2, 3)) @ PARAMETERS
-        turned = turned[..., : self.columns.shape[1]] * state.deviations[:, None, None]
+        B, count = state.metric if metric is None else metric, len(state.joints)
+        K = (state.factors @ B)[:, None]
+        turned = (_vector(K @ UNITS @ K.swapaxes(2, 3)) @ PARAMETERS)[..., : self.columns.shape[1]]
         T = np.zeros((self.effects.shape[1], WIDTH * len(self.file) + count))
         for k, columns in enumerate(self.columns):
             T[columns, WIDTH * k : WIDTH * (k + 1)] = turned[k].T
         T[len(T) - count :, T.shape[1] - count :] = self.terms.spread(state.groups)
         return T
 
-    def step(self, state: _State) -> _Step:
-        """The ridge regression about a state."""
+    def step(self, state: _State, metric: FloatArray | None = None, push: float = 1.0) -> _Step:
+        """The ridge regression about a state, in its own metric or another (b, 4, 4).
+
+        The bodies' limits push so many times as at the minimum.
+        """
+        B = state.metric if metric is None else metric
         C = np.linalg.solve(self.file, state.factors)
-        G = (C.swapaxes(1, 2) @ C - np.eye(4)) / state.deviations[:, None, None]
+        G = state.weights * (B @ (C.swapaxes(1, 2) @ C - push * np.eye(4)) @ B)
         u = self.terms.departures(state.joints, state.groups)
         e = self.target - self.effects @ self.standard(state)
-        return _Step(self.effects @ self.changes(state), e, np.append(_vector(G).ravel(), u))
+        return _Step(self.effects @ self.changes(state, B), e, np.append(_vector(G).ravel(), u))
 
-    def turns(self, state: _State, z: FloatArray) -> FloatArray:
-        """Relative changes Z (b, 4, 4) of the bodies."""
-        own = z[: WIDTH * len(self.file)].reshape(-1, WIDTH) * state.deviations[:, None]
+    def matrices(self, z: FloatArray) -> FloatArray:
+        """Z (b, 4, 4) of the bodies."""
+        own = z[: WIDTH * len(self.file)].reshape(-1, WIDTH)
         return np.asarray(np.einsum("bk,kij->bij", own, UNITS))
 
-    def moved(self, state: _State, z: FloatArray) -> _State:
+    def moved(self, state: _State, z: FloatArray, metric: FloatArray | None = None) -> _State:
         """The state after a step inside the solid bodies."""
+        B = state.metric if metric is None else metric
         joints = state.joints + self.terms.spread(state.groups) @ z[WIDTH * len(self.file) :]
         joints = joints.clip(*self.terms.box)  # to round-off it is inside
-        factors = state.factors @ upper_factor(np.eye(4) + self.turns(state, z))
+        factors = state.factors @ upper_factor(np.eye(4) + B @ self.matrices(z) @ B)
         return replace(state, factors=factors, joints=joints)
 
     def limits(self, state: _State) -> tuple[FloatArray, FloatArray]:
@@ -560,8 +576,10 @@ class _Program:
 
 
 # Part of the decrease that the slope promises which a step must reach; how far it goes to where a
-# body is flat; least part of a step; how much more data weigh from one approach to the next.
-ARMIJO, INSIDE, SHORTEST, HEAVIER = 1e-4, 0.95, 1e-12, 10.0
+# body is flat; least part of a step.
+ARMIJO, INSIDE, SHORTEST = 1e-4, 0.95, 1e-12
+# How much harder limits push at first than the data; less by which part from step to step.
+FARTHER, CLOSER = 10.0, 0.5
 # First deviation of a group relative to its largest; largest growth of its steps; iterations of
 # non-negative least squares for each limit.
 FIRST, FASTEST, NNLS_STEPS = 0.1, 8.0, 30
@@ -583,14 +601,17 @@ def _minimised(program: _Program, state: _State, near: float = 0.0) -> tuple[_St
     A step that gains less than ``near`` is the last one.
     """
     value = program.value(state)
-    for _ in range(ITERATIONS):
+    for number in range(ITERATIONS):
         step = program.step(state)
         z = step.solution(*program.limits(state))
         decrement = -float(step.gradient @ z)
         if decrement <= TOLERANCE + SUM_ROUND_OFF * abs(value):
             return replace(state, settled=True), step
-        shrinks = -np.linalg.eigvalsh(program.turns(state, z)).min(initial=0.0)
-        part = min(1.0, INSIDE / shrinks) if shrinks > 0 else 1.0
+        part = _inside(program.matrices(z) * state.deviations[:, None, None])
+        if number == 0 and part < 1.0:
+            state = _approached(program, state, step)
+            value = program.value(state)
+            continue
         tried = program.moved(state, part * z)
         while program.value(tried) > value - ARMIJO * part * decrement + SUM_ROUND_OFF * abs(value):
             part /= 2
@@ -605,7 +626,7 @@ def _minimised(program: _Program, state: _State, near: float = 0.0) -> tuple[_St
 
 def _most_likely(program: _Program) -> tuple[_State, float]:
     """The best state at the most likely deviations, and the common one."""
-    state = _approached(program, program.first(LEAST_OFF))
+    state = program.first(LEAST_OFF)
     steps, gains = np.zeros((2, len(state.groups)))
     near = NEAR
     for _ in range(ITERATIONS):
@@ -636,14 +657,35 @@ def _group_steps(program: _Program, state: _State, determined: FloatArray) -> Fl
     return np.log(np.sqrt(squares).clip(*terms.bounds.T) / state.groups)
 
 
-def _approached(program: _Program, state: _State) -> _State:
-    """A state near the minimum, by data that weigh more and more."""
-    share = min(1.0, len(program.target) / max(program.value(state), 1.0))
-    for weight in np.geomspace(share, 1.0, 1 + int(np.ceil(-np.log(share) / np.log(HEAVIER))))[:-1]:
-        part = np.sqrt(weight)
-        light = replace(program, effects=part * program.effects, target=part * program.target)
-        state, _ = _minimised(light, state, NEAR)
+def _approached(program: _Program, state: _State, step: _Step) -> _State:
+    """A state so near the minimum that Newton's step stays inside the solid bodies [Nesterov1998].
+
+    A nearly flat body lets such steps slide along its limit by little. These are of pairs: of P = L
+    Lᵀ and S, by which its limit pushes. They end at S = P⁻¹ / s². Their metric W, W S W = P, lets
+    both be far off. With A = Lᵀ S L it is W = L A^(-1/2) Lᵀ.
+    """
+    slope = np.linalg.norm(program.matrices(step.gradient), axis=(1, 2))
+    A = FARTHER * max(1.0, float((slope * state.deviations).max())) * state.weights * np.eye(4)
+    for _ in range(ITERATIONS):
+        push = max(1.0, CLOSER * float(np.trace(A / state.weights, axis1=1, axis2=2).mean()) / 4)
+        sizes, turn = np.linalg.eigh(A)
+        B = (turn * sizes[:, None, :] ** -0.25) @ turn.swapaxes(1, 2)
+        z = program.step(state, B, push).solution(*program.limits(state))
+        inverse = np.linalg.inv(B)
+        change = push * state.weights * np.eye(4) - A - inverse @ program.matrices(z) @ inverse
+        part = _inside(B @ program.matrices(z) @ B, B @ B @ change @ B @ B)
+        before, state = state, program.moved(state, part * z, B)
+        U = np.linalg.solve(before.factors, state.factors)
+        A = U.swapaxes(1, 2) @ (A + part * change) @ U
+        if push == part == 1.0:
+            break
     return state
+
+
+def _inside(*changes: FloatArray) -> float:
+    """How much of relative changes (b, 4, 4) leaves all matrices positive."""
+    shrinks = max(-float(np.linalg.eigvalsh(each).min(initial=0.0)) for each in changes)
+    return min(1.0, INSIDE / shrinks) if shrinks > 0 else 1.0
 
 
 def _of_bodies(program: _Program, determined: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from math import log, pi
 
 import numpy as np
+import pinocchio as pin
 
 from loopid.arguments import FloatArray, IntArray
 from loopid.findings import EVIDENCE
@@ -41,13 +42,12 @@ def ripple_columns(
 
     Of samples of recordings, with ``weights`` (dof,), one over the deviations of forces.
     """
-    shown, left = list[FloatArray](), _Beside(data, weights)
-    for row, motor in enumerate(data.actuators):
-        if motor in force_model.robot.actuated and force_model.robot.joint(motor).nv == 1:
-            shown.append(_of_motor(force_model, row, left, recordings))
+    beside, robot = _Beside(data, weights), force_model.robot
     found = np.zeros((*data.force.shape, 2 * MOST_RIPPLES))
-    for row, own in zip(map(data.actuators.index, force_model.robot.actuated), shown, strict=True):
-        found[:, row, : own.shape[1]] = own
+    for row, motor in enumerate(data.actuators):
+        if motor in robot.actuated and robot.joint(motor).nv == 1:
+            own = _of_motor(robot.joint(motor), row, beside, recordings)
+            found[:, row, : own.shape[1]] = own
     return found[:, :, found.any(axis=(0, 1))]
 
 
@@ -70,17 +70,18 @@ class _Beside:
         used, weight = data.used[:, row], self.weights[row]
         c = weight * columns[used]
         turned = (weight * data.regressor[used, row] @ self.turn).T @ c
-        L = np.linalg.cholesky(c.T @ c - turned.T @ turned)
-        s = np.linalg.solve(L, c.T @ (weight * self.residual[used, row]))
-        return slip_evidence(L.T, s, float(data.problem.force_rms[row]))
+        squares, V = np.linalg.eigh(c.T @ c - turned.T @ turned)
+        keep = squares > DETERMINED * (c * c).sum()
+        size, V = np.sqrt(squares[keep]), V[:, keep]
+        left = (V.T @ (c.T @ (weight * self.residual[used, row]))) / size
+        return slip_evidence(size[:, None] * V.T, left, float(data.problem.force_rms[row]))
 
 
 def _of_motor(
-    force_model: ForceModel, row: int, beside: _Beside, recordings: Sequence[Recording]
+    joint: pin.JointModel, row: int, beside: _Beside, recordings: Sequence[Recording]
 ) -> FloatArray:
     """Columns (N, k) of a motor."""
-    data, joint = beside.data, force_model.robot.joint(beside.data.actuators[row])
-    used, columns = data.used[:, row], np.zeros((len(data), 0))
+    used, columns = beside.data.used[:, row], np.zeros((len(beside.data), 0))
     rate = np.concatenate([run.motion.velocities[:, row] for run in recordings])
     slow = float(np.quantile(np.abs(rate[used]), SLOW)) if used.any() else 0.0
     cutoffs = [run.cutoff for run in recordings if run.cutoff is not None]

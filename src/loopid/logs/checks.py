@@ -40,6 +40,8 @@ GLITCH = 100.0  # forces this many times their 99th percentile are none
 # Measured rates and changes of the position: relative difference (root mean square) that passes
 # without a word, and ratio, or its inverse, from which on the rates are something else.
 APART, GAIN = 0.1, 1.25
+# In samples, from which on velocities may be late: differences are by half a one.
+LATE = 0.25
 FITTING = 0.9  # part of the values that a change of unit must bring inside
 EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how it was written
 # A step of rad from which on a joint that may turn further was counted from anew, not that fast.
@@ -92,9 +94,7 @@ def check_log(robot: Robot, log: Log) -> Log:
         log = log.select(np.isin(whole.rows, stream.rows), *dropped)
     columns = np.split(stream.values, len(given), axis=1)
     found: dict[str, Any] = dict(zip(given, columns, strict=True))
-    log = replace(log, checked=True, **found)
-    check_rates(log)
-    return log
+    return with_checked_rates(replace(log, checked=True, **found))
 
 
 def _require_even_segments(log: Log) -> None:
@@ -264,12 +264,12 @@ def check_moving(streams: Sequence[Stream]) -> None:
             )
 
 
-def check_rates(log: Log) -> None:
-    """Refuse measured rates that are not those of the positions.
+def with_checked_rates(log: Log) -> Log:
+    """The log without velocities that are late; refuses rates that are not those of the positions.
 
-    Integrals are compared with differences over the same time, where noise and delays of drives do
-    not matter.
+    Integrals are compared with differences over the same time, where noise does not matter.
     """
+    late, longest = dict[str, float](), max(log.parts(), key=lambda p: p.stop - p.start)
     for order, quantity in enumerate(("velocity", "acceleration"), 1):
         measured: FloatArray | None = getattr(log, quantity)
         if measured is None:
@@ -290,8 +290,28 @@ def check_rates(log: Log) -> None:
                     f"{said}: is it in another unit ({quantity}_scale), or of another?",
                     tolerance=GAIN,
                 )
-            if apart > APART:
+            if order == 1 and (lag := _clear_lag(off, changes)):
+                late[joint] = lag / log.rate(longest)
+            elif apart > APART:
                 warn(f"{said}: is it late, noisy, or in need of {quantity}_offset?", DataWarning)
+    if not late:
+        return log
+    worst = max(late, key=lambda joint: abs(late[joint]))
+    warn(
+        f"{log.name}: the velocity of {worst} is {1e3 * abs(late[worst]):.2g} ms "
+        f"{'late' if late[worst] > 0 else 'early'} beside its position, as a filter or a "
+        "difference makes it: velocities are those of the positions",
+        DataWarning,
+    )
+    return replace(log, velocity=None)
+
+
+def _clear_lag(off: FloatArray, changes: FloatArray) -> float:
+    """Samples that rates are late by, which explain most of what they are off changes; or 0."""
+    slope = np.gradient(changes)
+    size, along = float(slope @ slope), float(off @ slope)
+    clear = 0 < LATE * size < abs(along) and along**2 > size * float(off @ off) / 2
+    return -along / size if clear else 0.0
 
 
 def _both_changes(log: Log, k: int, rates: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:

@@ -14,10 +14,10 @@ from loopid.errors import FileError, LogError, ModelWarning, OptionError, warn
 from loopid.files import near_file, require_name, why_no_file
 from loopid.logs.checks import (
     check_moving,
-    check_rates,
     check_stream,
     frame_index,
     require_known_motion,
+    with_checked_rates,
 )
 from loopid.logs.grid import Stream, make_stream, on_joints
 from loopid.logs.log import Log
@@ -103,7 +103,7 @@ def read_log(
         check_moving(streams)
         name = stream_name(place.resolve())
         log = Log.from_streams(name, streams, robot.actuated, mapping)
-        check_rates(log)
+        log = with_checked_rates(log)
     return replace(log, checked=True)
 
 
