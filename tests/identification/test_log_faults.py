@@ -541,6 +541,18 @@ def test_no_gain_turns_forces_that_are_explained_into_those_of_springs(
     assert _Find("common_gain", (0, 1), after, 0.0, 0.02, 0.005).worth(found) == worth
 
 
+def test_a_motor_that_stands_all_the_time_leaves_evidence_of_the_others(load_once):
+    robot = load_once("five_bar")
+    motion = wander(robot, 0, seconds=10.0, rate=20.0, size=(0.5, 0.5))
+    run = record(robot, motion, noise=0.1)
+    stands = replace(run, used=run.used & [True, False])
+    model = Evidence(robot, [stands], None)
+    assert np.isfinite(model.beside_rivals(model.weighed(model.recorded)).evidence)
+    assert log_faults(robot, [stands]).mistakes == ()
+    (found,) = log_faults(robot, [replace(stands, force=1e3 * stands.force)]).mistakes
+    assert found.title == "the force of left_crank_joint is in mN m"
+
+
 def test_a_mistake_of_positions_shows_in_the_force_of_any_motor(load_once):
     robot = load_once("five_bar")
     model = Evidence(robot, [record(robot, wander(robot, 0, seconds=5.0, rate=40.0))], None)

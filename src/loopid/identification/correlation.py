@@ -228,7 +228,7 @@ def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
 def _burg(errors: FloatArray, runs: IntArray) -> tuple[FloatArray, IntArray]:
     """Autocovariances (..., p + 1) of models of errors (..., N) of the largest order, the best."""
     ahead = behind = np.where(runs > 0, errors, 0.0)
-    first = np.count_nonzero(runs)
+    first = max(int(np.count_nonzero(runs)), 1)  # of what stands all the time, nothing
     observed = np.vecdot(ahead, ahead) / first
     white = WHITE * observed
     variance, gain = observed + white, 0.0 * observed

@@ -133,9 +133,10 @@ class Evidence:
         self.lengths = coordinates.known_scales
         self.span = np.ptp(self.position, axis=0) / self.lengths
         counts = np.maximum(self.used.sum(axis=0), 1)
-        self.size = np.sqrt(np.where(self.used, self.force**2, 0.0).sum(axis=0) / counts)
+        size = np.sqrt(np.where(self.used, self.force**2, 0.0).sum(axis=0) / counts)
+        self.size = np.where(size > 0, size, 1.0)  # that of motors that stand divides nothing
         counted = np.isin(self.names, robot.actuated) & (counts >= LEAST_SAMPLES)
-        self.present = np.flatnonzero(counted & (self.size > 0)).tolist()
+        self.present = np.flatnonzero(counted & (size > 0)).tolist()
         ones, own = (1.0,) * d, tuple(range(d))
         self.recorded = Undone(ones, ones, ones, own, own, (0.0,) * d)
         self.independent = np.zeros(d)  # samples of each
@@ -411,7 +412,7 @@ class Evidence:
             more = [k for k in (*self.present, d) if k not in missing]
             tried = [found.undone._replace(missing=tuple(sorted((*missing, k)))) for k in more]
             best = max(self.explained(tried), key=lambda one: one.evidence, default=found)
-            if best.evidence <= found.evidence:
+            if not best.evidence > found.evidence:
                 return found
             found = best
 
