@@ -10,7 +10,7 @@ from oracles import bodies_of, body_columns, fitted, shaken
 import loopid
 from loopid import JointTerms
 from loopid.errors import DataError, ModelWarning
-from loopid.identification import consistent_fit
+from loopid.identification import FitSamples, consistent_fit
 from loopid.identification.consistent import (
     LEAST_OFF,
     WIDTH,
@@ -22,8 +22,13 @@ from loopid.identification.fitting import quiet_fit
 from loopid.identification.joint_priors import JointPriors
 from loopid.inertia import FLAT, body_defect, nearest_solid, parameters_of, pseudo_inertia
 from made_runs import ARM, modelled, wander
+from smooth_data import autoregressive
 
 SMALL = 1e-6  # steps of finite differences
+
+
+def rms(forces):
+    return np.sqrt((forces**2).mean(axis=0))
 
 
 def noise_of(samples):
@@ -282,6 +287,23 @@ def test_a_body_that_is_far_off_does_not_loosen_the_others(knee_case):
     assert found.own[heavy] > 1.5 * np.median(found.own)
     assert found.common == LEAST_OFF
     assert not found.fault
+
+
+def test_a_file_that_the_forces_deny_yields_though_their_errors_are_slow(arm):
+    """Errors over the length of the log leave few samples of a mean, and more of what moves."""
+    model = loopid.force_model(arm, "gravity", JointTerms(arm.actuated, ("Fc", "Fv")))
+    W = model.regressor(wander(arm, seed=1, seconds=20.0, rate=20.0, size=(1.0, 1.0)))
+    heavy = np.append(3 * arm.standard_parameters("gravity"), [0.5, 0.3, 0.4, 0.2])
+    force = W @ model.base.values(heavy)
+    for seed in (2, 3):
+        slow = autoregressive(np.random.default_rng(seed), force.shape, 0.999, lead=20_000)
+        given = force + 0.2 * rms(force) * slow
+        samples = FitSamples.of(model.parameters, arm.independent, W, given)
+        plain = quiet_fit(samples)
+        found = quiet_consistent_fit(model, samples, plain.noise).result
+        assert plain.noise.effective_samples.min() < 5
+        off, least = (rms(samples.predicted(each.values) - force) for each in (found, plain))
+        assert (off < 1.2 * least).all()
 
 
 def test_a_force_that_the_model_lacks_is_suspected(arm_case):

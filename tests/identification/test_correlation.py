@@ -85,6 +85,19 @@ def test_the_model_of_the_errors_is_found():
     np.testing.assert_allclose(noise.effective_samples, 4000 * 0.1 / 1.9, rtol=0.25)
 
 
+def test_samples_that_inform_would_give_the_covariance_if_they_were_independent():
+    """Of one parameter a motor: a mean, and the size of a wave that is faster than the errors."""
+    W = np.zeros((1000, 2, 2))
+    W[:, 0, 0], W[:, 1, 1] = 1.0, np.sin(np.arange(1000))
+    errors = autoregressive(np.random.default_rng(0), (1000, 2), 0.98)
+    result = quiet_fit(named_samples(W, errors))
+    noise, squares = result.noise, (W**2).sum(axis=(0, 1))
+    expected = 1000 * noise.deviation**2 / (squares * np.diag(result.covariance))
+    assert expected[0] == pytest.approx(noise.effective_samples[0])
+    assert expected[1] > 1000 > 50 * noise.effective_samples[1]
+    np.testing.assert_allclose(noise.informing_samples, np.minimum(expected, 1000))
+
+
 def test_parameters_near_zero_are_named_once():
     W, rng = smooth_regressor(samples=200), np.random.default_rng(0)
     truth = TRUTH * [1, 1, 0, 1, 0, 1]

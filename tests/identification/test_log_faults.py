@@ -293,6 +293,21 @@ def test_a_time_axis_that_is_a_factor_off_is_named(runs, factor):
     assert abs(size - factor) < 2 * reach < 0.6 * factor
 
 
+def test_without_gravity_forces_in_another_unit_look_like_another_time_axis(load_once):
+    planar = load_once("five_bar")
+    model = planar.model.copy()
+    model.gravity.linear = np.zeros(3)
+    robot = replace(planar, model=model)
+    motion = wander(robot, 0, seconds=8.0, rate=100.0, size=(0.5, 0.5))
+    terms = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
+    run = record(robot, motion, terms, scaled_bodies(robot, 0.2), 0.01, 0)
+    run = Recording.of_motion(motion, 16 * run.force, robot.actuated)
+    said = quietly(log_faults, robot, [run]).mistakes[0]
+    for what, advice in (("the time axis", "multiply its times"), ("the force", "force_scale")):
+        assert what in said.title
+        assert advice in said.do
+
+
 @pytest.mark.parametrize("seed", few_of(range(3), 0))
 @pytest.mark.parametrize("friction", [0.0, 0.2])
 def test_forces_without_inertia_and_friction_are_of_a_robot_that_a_hand_moves(

@@ -66,7 +66,7 @@ LAWS = {
     "waves over position": lambda t, q, v, a: 0.05 * np.sin(20 * q + 1.0),
     "drifts in time": lambda t, q, v, a: np.sign(v[:, 0]) * (t - 10) / 10 * 0.06,
     "grows with position": lambda t, q, v, a: 2.0 * (q - q.mean()),
-    f"follows the motion of {RIGHT}": lambda t, q, v, a: 0.1 * v[:, 1],
+    f"follows the motion of {RIGHT}": lambda t, q, v, a: 0.2 * v[:, 1],
 }
 
 

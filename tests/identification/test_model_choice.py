@@ -103,12 +103,27 @@ def test_a_gravity_model_of_fast_motion_is_a_finding_with_the_errors_of_both(fiv
 
 
 def test_inertia_that_the_file_knows_nothing_of_shows_by_what_it_predicts(five_bar):
-    run = run_of(five_bar, 100.0, terms="Fc=0.1,Fv=0.05,Ia=20")
+    run = run_of(five_bar, 200.0, terms="Fc=0.1,Fv=0.05,Ia=5")
     found = choose_model(five_bar, [run])
     assert not found.shown
     assert found.model == "full"
-    assert choose_model(five_bar, [run_of(five_bar, 100.0)]).model == "gravity"
+    assert choose_model(five_bar, [run_of(five_bar, 200.0)]).model == "gravity"
     assert "by the robot file" not in found.finding.why
+
+
+def test_rotors_that_the_file_lacks_show_even_where_fits_to_parts_of_a_log_predict_worse(five_bar):
+    """Half a period of a slow motion: other segments say little of each, and less of inertia."""
+    run, without = (
+        run_of(five_bar, 100.0, noise=0.01, seed=1, terms=terms).select(slice(0, 150))
+        for terms in ("Fc=0.1,Fv=0.05,Ia=2", "Fc=0.1,Fv=0.05")
+    )
+    found = choose_model(five_bar, [run])
+    assert 2 * found.factor_error > 1  # the file's inertia alone would not show
+    assert found.factor > 5 * found.factor_error
+    assert (found.errors["full"] > found.errors["gravity"]).all()
+    assert found.model == "full"
+    assert re.search(r"shows 11 ± 3\.\d times as much", found.finding.why)
+    assert choose_model(five_bar, [without]).model == "gravity"
 
 
 def test_forces_that_lack_inertia_ask_for_gravity_and_say_so(five_bar):

@@ -343,11 +343,11 @@ def _groups(program: _Program, state: _State, covariance: FloatArray) -> TermDev
 
 
 def error_weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
-    """Weights (dof,) of the actuators' rows, which count as their effective samples."""
+    """Weights (dof,) of the actuators' rows, which count as samples that inform as much."""
     present = (noise.samples > 0) & (problem.samples > 0)
     least = np.maximum(problem.least_errors, PRECISION * problem.force_rms)
     deviation = np.fmax(noise.deviation, least)[present]
-    worth = np.sqrt(noise.effective_samples / np.maximum(noise.samples, 1))[present]
+    worth = np.sqrt(noise.informing_samples / np.maximum(noise.samples, 1))[present]
     weights = np.zeros(len(present))
     weights[present] = worth / np.where(deviation > 0, deviation, 1.0)
     return weights

@@ -284,7 +284,7 @@ def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
             for model in models.values():
                 model.correct(total)
         covariance = inverse @ filling() @ inverse.T
-    each = {i: (m.model, m.effective_samples()) for i, m in models.items()}
+    each = {i: (m.model, m.effective_samples(), m.informing_samples()) for i, m in models.items()}
     noise = _noise_model(samples.problem, each, result.weights)
     if fit.prior is not None and not noise.coefficients.any():
         return fit.with_result(noise=noise)
@@ -302,14 +302,15 @@ def residual_noise(samples: FitSamples, values: FloatArray, fitted: float) -> No
     What a fit takes up of slow errors is not added back, as ``within_runs`` does.
     """
     residual, problem = samples.residual(values), samples.problem
-    models = dict[int, tuple[Autoregression, float]]()
+    models = dict[int, tuple[Autoregression, float, float]]()
     for i in map(int, np.flatnonzero(problem.samples)):
         used = samples.used[:, i]
         part = max(1.0 - fitted / problem.rows, 1.0 / problem.samples[i])
         covariances = burg_covariances(residual[:, i], run_lengths(used, samples.pieces)) / part
         covariances[0] = max(covariances[0], samples.least_errors[i] ** 2)
         model = Autoregression.of_covariances(covariances)
-        models[i] = model, model.effective_samples(used, samples.pieces)
+        worth = model.effective_samples(used, samples.pieces)
+        models[i] = model, worth, worth
     return _noise_model(problem, models, np.ones(len(problem.actuators)))
 
 
@@ -332,19 +333,21 @@ def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]
 
 
 def _noise_model(
-    problem: FitProblem, models: dict[int, tuple[Autoregression, float]], weights: FloatArray
+    problem: FitProblem,
+    models: dict[int, tuple[Autoregression, float, float]],
+    weights: FloatArray,
 ) -> NoiseModel:
     """Of models and effective samples by actuator, of errors that weights (dof,) multiply."""
-    dof, order = len(weights), max((model.order for model, _ in models.values()), default=0)
-    coefficients, effective = np.zeros((dof, order)), np.zeros(dof)
+    dof, order = len(weights), max((model.order for model, *_ in models.values()), default=0)
+    coefficients, worth = np.zeros((dof, order)), np.zeros((2, dof))
     innovation, deviation, lag_one = np.full((3, dof), np.nan)
-    for i, (model, worth) in models.items():
+    for i, (model, *counts) in models.items():
+        worth[:, i] = counts
         lags = np.append(model.covariances, 0.0)
         coefficients[i, : model.order] = model.coefficients
         innovation[i], deviation[i] = np.sqrt([model.variance, lags[0]]) / weights[i]
         lag_one[i] = lags[1] / lags[0] if lags[0] > 0 else 0.0
-        effective[i] = worth
-    numbers = innovation, deviation, lag_one, problem.samples, effective
+    numbers = innovation, deviation, lag_one, problem.samples, *worth
     return NoiseModel(problem.actuators, coefficients, *numbers)
 
 
@@ -421,6 +424,12 @@ class ErrorModel:
     def effective_samples(self) -> float:
         """Number of independent samples that would determine the mean error as well."""
         return self.model.effective_samples(self._used, self._pieces)
+
+    def informing_samples(self) -> float:
+        """Number of independent samples that would determine what was fitted as well."""
+        independent = float(self.model.covariances[0]) * float(np.trace(self._grams[0]))
+        spread = max(float(np.trace(self.sums)), independent)
+        return self.samples * (independent / spread if spread > 0 else 1.0)
 
     def _adopt(self, model: Autoregression) -> None:
         """Take a model, and the sums that it leads to.

@@ -271,7 +271,7 @@ def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> 
     return replace(
         others,
         deviation=np.where(own, noise.deviation, others.deviation),
-        effective_samples=np.where(own, noise.effective_samples, others.effective_samples),
+        informing_samples=np.where(own, noise.informing_samples, others.informing_samples),
     )
 
 

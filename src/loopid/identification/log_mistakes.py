@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
-from math import inf, log, pi, sqrt
+from math import hypot, inf, log, pi, sqrt
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -241,7 +241,7 @@ def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]
                 return [turned], [], found
         if not clear or len(undone) == ROUNDS:
             break
-        mistakes.append(_finding(model, clear, found))
+        mistakes.append(_finding(model, clear, found, finds))
         undone.append(clear[0])
         found = model.weighed(clear[0].mended(found.undone))
     # Of forces that follow another motion some look like a mistake.
@@ -532,12 +532,29 @@ def _turned(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> Find
     )
 
 
-def _finding(model: Evidence, clear: Sequence[_Find], found: Explanation) -> Finding:
-    """The likeliest mistake, with one that is nearly as likely beside it."""
+def _finding(
+    model: Evidence, clear: Sequence[_Find], found: Explanation, every: Sequence[_Find]
+) -> Finding:
+    """The likeliest mistake, with one that is nearly as likely, or looks alike, beside it."""
     best, *others = clear
     said = best.finding(model, found)
+    for one in every:
+        if _alike(best, one) and one.worth(found) and one.evidence - found.evidence >= EVIDENCE:
+            other = one.finding(model, found)
+            title, do = f"{said.title}, or {other.title}", f"{said.do}, or {other.do}"
+            return replace(said, title=title, do=do)
     for one in others:
         other = one.finding(model, found)
         if best.evidence - one.evidence < EVIDENCE and other.title != said.title:
             return replace(said, why=f"{said.why}; nearly as likely, {other.title}")
     return said
+
+
+def _alike(one: _Find, other: _Find) -> bool:
+    """Whether they are the same but for gravity: all forces, and by its square the time axis."""
+    if {one.kind, other.kind} != {"factor", "common_gain"} or min(one.size, other.size) <= 0:
+        return False
+    times = [2.0 if each.kind == "factor" else 1.0 for each in (one, other)]
+    logs = [k * log(each.size) for k, each in zip(times, (one, other), strict=True)]
+    reach = [k * each.reach / each.size for k, each in zip(times, (one, other), strict=True)]
+    return abs(logs[0] - logs[1]) <= hypot(*reach)

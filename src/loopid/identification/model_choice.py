@@ -2,7 +2,7 @@
 
 A gravity model is right where motion is so slow that inertia does not show. What a model lacks goes
 into its other parameters. Inertia may be left out where the forces, once gravity and friction are
-fitted, do not distinguish the inertia of the robot file from none.
+fitted, do not distinguish inertia from none: that of the robot file, or as much as they have.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class ModelChoice:
         (dof,), inertial and Coriolis forces by the robot file, in parts of each motor's force, in
         the root mean square where it moves; NaN where it does not.
     factor, factor_error : float
-        Of these forces, beside gravity and friction, and its standard error: above 0.5 the factor
-        may as well be zero.
+        Of these forces, beside gravity and friction, and its standard error. It is far above 1
+        where the file lacks rotors.
     errors : mapping
         By model (dof,): errors on segments left out, in parts of each motor's force. Bodies near
         the robot file and friction of the motors, in the full model also their rotors, were fitted
@@ -75,8 +75,8 @@ class ModelChoice:
 
     @property
     def shown(self) -> bool:
-        """Whether the recordings distinguish the inertia of the robot file from none."""
-        return CLEAR * self.factor_error < 1
+        """Whether the recordings distinguish inertia from none: the robot file's, or their own."""
+        return CLEAR * self.factor_error < max(1.0, self.factor)
 
     @property
     def lacking(self) -> bool:
@@ -92,8 +92,8 @@ class ModelChoice:
     def finding(self) -> Finding:
         """What to know of a gravity model: that inertia does not show, or is missing."""
         share = f"by the robot file it is at most {_percent(self.share)} of a motor's force"
+        factor = f"{self.factor:.2g} ± {CLEAR * self.factor_error:.2g}"
         if self.model == "gravity" and self.lacking:
-            factor = f"{self.factor:.2g} ± {CLEAR * self.factor_error:.2g}"
             return Finding(
                 "warning",
                 "the forces have no inertia",
@@ -109,7 +109,9 @@ class ModelChoice:
             _percent(float(np.nanmax(self.errors[each], initial=0.0))) for each in MODELS
         )
         why = f"errors on segments left out are at most {gravity}, and {full} with the full model"
-        why = f"{share}, and the log shows it; {why}" if self.shown else why
+        if self.shown:
+            seen = "it" if CLEAR * self.factor_error < 1 else f"{factor} times as much"
+            why = f"{share}, and the log shows {seen}; {why}"
         return Finding("warning", "inertia is missing in the gravity model", why, USE_FULL)
 
 
@@ -121,10 +123,10 @@ def _percent(part: float) -> str:
 def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     """Choose the model that recordings need.
 
-    The full one, unless two conditions hold. The recordings do not distinguish the file's inertia
-    from none, or have clearly less than half of it. Fitted inertia of bodies and rotors predicts
-    segments left out no better. Errors count as alike within blocks of time, and as independent
-    between them (sandwich covariance).
+    The full one, unless two conditions hold. A factor of the file's inertia is not clear of zero,
+    and its standard error is above 0.5; or it is clearly below 0.5. Fitted inertia of bodies and
+    rotors predicts segments left out no better. Errors count as alike within blocks of time, and as
+    independent between them (sandwich covariance).
 
     Parameters
     ----------
@@ -174,9 +176,8 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
             for model, own in predicted.items()
         },
     )
-    better, worse = ratio + CLEAR * spread < 1, ratio - CLEAR * spread > 1
-    shown = found.shown and not (worse or found.lacking)
-    return replace(found, model="full") if better or shown else found
+    better = ratio + CLEAR * spread < 1
+    return replace(found, model="full") if better or found.shown > found.lacking else found
 
 
 def chosen_model(robot: Robot, model: str, recordings: Sequence[Recording]) -> str:

@@ -63,6 +63,9 @@ class NoiseModel:
     samples: IntArray  # (dof,)
     # (dof,), number of independent samples that would determine a mean as well; at most ``samples``
     effective_samples: FloatArray
+    # (dof,), of independent samples that would determine the parameters as well, on average over
+    # what the actuator determines of them; as for a mean where nothing is fitted
+    informing_samples: FloatArray
 
 
 @record(checked=True)
