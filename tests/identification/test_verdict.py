@@ -107,7 +107,7 @@ def test_it_says_below_which_speed_friction_is_unknown(identified):
     use = found.fit.use
     assert found.verdict.slowest == max(use.slowest / use.fastest) > 0
     part = loopid.numbers.number(100 * found.verdict.slowest, 1)
-    assert f"Below {part} % of its top speed" in str(found.verdict)
+    assert f"below {part} % of a motor's top speed" in str(found.verdict)
     none = replace(found.verdict, slowest=0.0)
     assert "top speed" not in str(none)
 

@@ -156,7 +156,7 @@ class Verdict:
     def _when_slow(self) -> str:
         """Speeds at which friction is unknown; empty without friction."""
         part = number(100 * self.slowest, 1)
-        said = f" Below {part} % of its top speed in the log, friction of a motor is unknown."
+        said = f" Friction below {part} % of a motor's top speed is unknown."
         return said * bool(self.slowest)
 
 
