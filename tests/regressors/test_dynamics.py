@@ -477,6 +477,23 @@ def test_forward_dynamics_have_the_loads_of_their_accelerations(load_once, kinds
         close(robot.forward(one, v[k], tau[k]), a[k], 1e-8)
 
 
+def test_values_of_a_fit_load_gears_as_the_fit_does(load_once):
+    """A rotor in a value that a link leads is no load: not of the values, nor of generated code."""
+    casadi = pytest.importorskip("casadi")
+    model = loopid.force_model(load_once("five_bar"), "full", "Ia,Ft")
+    phi = np.where([name.endswith(".Ft") for name in model.parameters.names], 0.3, model.prior)
+    drives = np.zeros(len(phi))
+    drives[model.body_columns[0]] = 0.2
+    fitted = replace(model, bodies=model.load_values, drives=drives)
+    again = fitted.with_loads(phi + drives)
+    close(again.load_values[model.body_columns], phi[model.body_columns], 1e-12)
+    code = casadi.Function.deserialize(loopid.export.c_source(fitted).casadi)
+    for q, v, a in some_states(model):
+        robot, u = at(fitted, phi + drives, q)
+        force = code(q=q, du=v, ddu=a, phi=phi + drives)["force"]
+        close(force.full().ravel(), robot.inverse(u, v, a), 1e-10)
+
+
 def test_load_friction_that_locks_a_gear_is_an_error(load_once):
     model = loopid.force_model(load_once("five_bar"), "full", "Ft")
     phi = np.where([name.endswith(".Ft") for name in model.parameters.names], 3.0, model.prior)

@@ -193,8 +193,11 @@ class SymbolicRobot:
             index = int(self.robot.velocity_indices([parameter.link])[0])
             carried[index] += share * self._joint_term(parameter, self._state(parameter, v, a))
         load = carried[self.chosen] + self.G.T @ carried[self.dependent, 0]
+        drives = self.model.drive_values
         if given is not None:
             load = ca.substitute(load, self.phi, given)
+        elif drives.any():
+            load = ca.substitute(load, self.phi, self.phi - ca.DM(drives))
         rows, columns = self.model.load_columns
         loads = dict(zip(columns.tolist(), rows.tolist(), strict=True))
         for k, parameter in enumerate(self.model.parameters):

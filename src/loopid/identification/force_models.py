@@ -70,6 +70,9 @@ class ForceModel:
         (n,), what the bodies that load the gears make of the parameters, without rotors and other
         joint terms that fold into them; None for those of the robot file. Load friction alone
         depends on it.
+    drives : FloatArray or None
+        (n,), what joint terms make of the parameters, as rotors of those of links; None for
+        nothing. Other values of the model have as much of them.
     free_friction : bool
         Whether friction may drive: what drives add is in the recorded forces
         (``turning_friction``).
@@ -88,6 +91,7 @@ class ForceModel:
     base: BaseParameters
     automatic: bool = field(default=False, compare=False)
     bodies: FloatArray | None = None
+    drives: FloatArray | None = field(default=None, compare=False)
     free_friction: bool = field(default=False, compare=False)
 
     def __repr__(self) -> str:
@@ -169,7 +173,7 @@ class ForceModel:
             regrouping=base.regrouping[columns],
         )
         terms, _ = parted(self.joint_terms)
-        return replace(self, joint_terms=terms, base=narrow, bodies=None)
+        return replace(self, joint_terms=terms, base=narrow, bodies=None, drives=None)
 
     @property
     def load_columns(self) -> tuple[IntArray, IntArray]:
@@ -214,10 +218,21 @@ class ForceModel:
         if not len(self.load_columns[1]):
             return self
         if standard is not None:
-            return replace(self, bodies=self._of_bodies(standard))
+            bodies = self._of_bodies(standard)
+            whole = len(standard) == self.base.matrix.shape[1]
+            drives = self.matrix @ standard - bodies if whole else None
+            return replace(self, bodies=bodies, drives=drives)
         joints = np.isin(np.arange(len(values)), self.joint_columns)
         kept = np.zeros(len(values)) if self.bodies is None else self.bodies
-        return replace(self, bodies=np.where(joints, kept, values))
+        return replace(self, bodies=np.where(joints, kept, values - self.drive_values))
+
+    @property
+    def drive_values(self) -> FloatArray:
+        """What joint terms make of the parameters (n,) that bodies lead, as rotors of links."""
+        if self.drives is None:
+            return np.zeros(len(self.base))
+        joints = np.isin(np.arange(len(self.drives)), self.joint_columns)
+        return np.where(joints, 0.0, self.drives)
 
     def columns_of(self, parameters: ParameterSet) -> IntArray:
         """Columns of some of the parameters."""
@@ -324,7 +339,7 @@ class ForceModel:
             dependent=own[base.dependent],
             regrouping=np.pad(base.regrouping, ((0, len(further)), (0, 0))),
         )
-        return replace(self, joint_terms=terms, base=wide, bodies=None)
+        return replace(self, joint_terms=terms, base=wide, bodies=None, drives=None)
 
     @one_as_many
     def regressor(self, motion: JointMotion | FloatArray, n_jobs: int = 1) -> FloatArray:
