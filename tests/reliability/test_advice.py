@@ -84,7 +84,7 @@ RATES = (*ROWS, 57.3 * np.cos(TIME))
 OF_LOGS = {
     "the unit of the time": (
         Log(columns=MS),
-        "give the unit of the time in a mapping",
+        "give the unit of the time in a mapping, as time: {column: NAME, unit: ms}",
         Log(columns=MS, mapping={"time": {"column": "time", "unit": "ms"}}),
     ),
     "times beyond the epoch": (
