@@ -75,6 +75,11 @@ def test_expressions_read_back_to_the_displayed_digits(seed):
         assert list(parse(text)) == list(terms)
 
 
+def test_round_off_decides_no_digit():
+    ties = (0.21735 * (1 + k * 1e-14) for k in (-1, 0, 1))
+    assert len({expression({"link2.m": tie}) for tie in ties}) == 1
+
+
 COEFFICIENTS = st.floats(-1e9, 1e9).filter(lambda x: abs(x) > 1e-9)
 LABELS = [f"link_{i}.part.mx" for i in range(6)]
 

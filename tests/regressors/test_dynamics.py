@@ -460,6 +460,32 @@ def test_friction_curves_and_loads_are_those_of_the_force_model(load_once, terms
         close(coast + robot.friction(u, v), robot.inverse(u, v), 1e-10)
 
 
+@pytest.mark.parametrize("kinds", ["Fc,Fv,Ia,Ft", "Fv,Ia,Fl~0.3"])
+def test_forward_dynamics_have_the_loads_of_their_accelerations(load_once, kinds):
+    """The forces of a motion give that motion, for one state and for many."""
+    model = loopid.force_model(load_once("five_bar"), "full", kinds)
+    names, phi = model.parameters.names, model.prior.copy()
+    for place in (k for k, name in enumerate(names) if name.endswith((".Ft", ".Fl~0.3"))):
+        phi[place] = 0.3 if names[place].endswith(".Ft") else 0.01
+    q, v, a = (np.array(each) for each in zip(*some_states(model), strict=True))
+    robot = loopid.Dynamics(model, phi)
+    pose = robot.pose(q=q)
+    tau = robot.inverse(pose, v, a)
+    close(robot.forward(pose, v, tau), a, 1e-8)
+    for k in range(len(q)):
+        one = robot.pose(q=q[k])
+        close(robot.forward(one, v[k], tau[k]), a[k], 1e-8)
+
+
+def test_load_friction_that_locks_a_gear_is_an_error(load_once):
+    model = loopid.force_model(load_once("five_bar"), "full", "Ft")
+    phi = np.where([name.endswith(".Ft") for name in model.parameters.names], 3.0, model.prior)
+    q, v, a = next(iter(some_states(model)))
+    robot, u = at(model, phi, q)
+    with pytest.raises(loopid.errors.SingularityError, match="load friction"):
+        robot.forward(u, v, robot.inverse(u, v, a) + 1.0)
+
+
 def test_combinations_that_are_doubtful_keep_the_regressor(full_model, some_values):
     """There bodies would have what the combinations that count have not."""
     model, phi = full_model("five_bar"), some_values("five_bar")

@@ -40,6 +40,7 @@ SEARCHES: Registry[type[SearchStrategy]] = Registry(
     },
 )
 LISTED = 3  # base parameters that a ``repr`` names
+KNOWN_DIGITS = 10  # of a coefficient: round-off is in those beyond
 LEAST_TIME = 0.01  # s, for a search after one that used all there was
 
 
@@ -328,9 +329,11 @@ def expression(terms: Mapping[str, float], digits: PositiveInt = 4) -> str:
     >>> loopid.base_parameters.expression({"platform.mx": 1.0, "leg2_stem.m": 0.19284})
     'platform.mx + 0.1928 leg2_stem.m'
     """
-    text = ""
+    text, known = "", max(digits, KNOWN_DIGITS)
     for label, coefficient in terms.items():
-        size, sign = f"{abs(coefficient):.{digits}g}", "-" if coefficient < 0 else "+"
+        # First to what is known of it: a tie is then the same on every processor.
+        size = f"{float(f'{abs(coefficient):.{known}g}'):.{digits}g}"
+        sign = "-" if coefficient < 0 else "+"
         joint = f" {sign} " if text else sign.strip("+")
         text += f"{joint}{'' if size == '1' else size + ' '}{label}"
     return text

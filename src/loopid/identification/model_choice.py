@@ -177,7 +177,8 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
         },
     )
     better = ratio + CLEAR * spread < 1
-    return replace(found, model="full") if better or found.shown > found.lacking else found
+    shown = found.shown and not found.lacking
+    return replace(found, model="full") if better or shown else found
 
 
 def chosen_model(robot: Robot, model: str, recordings: Sequence[Recording]) -> str:

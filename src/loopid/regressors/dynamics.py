@@ -63,6 +63,7 @@ from loopid.kinematics.projection import (
     require_closed,
     tangent_spaces,
 )
+from loopid.numbers import FIT_ROUND_OFF
 from loopid.parameters import ParameterSet
 from loopid.regressors.joint_laws import HYSTERESIS, JointState, JointTerm, joint_term
 from loopid.regressors.joint_terms import JointTerms
@@ -73,6 +74,8 @@ from loopid.robot.robot import Robot, lock_options, position_of
 SHORT = 1e-11
 # Part of the forces that nothing balances, above which it is no round-off.
 UNBALANCED = 1e-6
+# Steps to accelerations that load friction agrees with. Each leaves a third or less in usual gears.
+LOAD_STEPS = 200
 # Inertias below this fraction of the robot's largest are round-off.
 LEAST_INERTIA = 1e-14
 ACCURATE = 1e-11  # relative difference up to which bodies give the forces of base parameters
@@ -538,17 +541,34 @@ class Dynamics:
     def forward(self, u: FloatArray | Pose, du: FloatArray, tau: FloatArray) -> FloatArray:
         """Accelerations (dof,) or (N, dof) under forces of the independent coordinates.
 
-        Those that no mass resists, such as the spin of a rod without inertia, are zero.
+        Those that no mass resists, such as the spin of a rod without inertia, are zero. Loads that
+        friction grows with are those of this motion, as in ``inverse``.
 
         Raises
         ------
         SingularityError
-            Where a force acts but no mass resists.
+            Where a force acts but no mass resists, or friction takes all force that its load gains.
         """
         pose = self.pose(u)
-        bias = self.inverse(pose, du).reshape(-1, self.dof)
-        left = samples(tau, self.dof, "forces", len(pose.configurations)) - bias
-        return pose._answer(_balanced(self.robot, self._inertia(pose), left))
+        given = samples(tau, self.dof, "forces", len(pose.configurations))
+        bias, inertia = self.inverse(pose, du).reshape(given.shape), self._inertia(pose)
+        found = _balanced(self.robot, inertia, given - bias)
+        if not any(law.needs("load", "torque") for law in self._laws):
+            return pose._answer(found)
+        # Load friction depends on the accelerations. It is a part of the load, below one, so that
+        # what it leaves shrinks with each step of the mass matrix.
+        size = np.maximum(np.abs(given), np.abs(bias)).max(axis=1, keepdims=True)
+        for _ in range(LOAD_STEPS):
+            left = given - self.inverse(pose, du, found).reshape(given.shape)
+            unsolved = np.abs(left).max(axis=1, keepdims=True) > FIT_ROUND_OFF * size
+            if not unsolved.any():
+                return pose._answer(found)
+            found = found + _balanced(self.robot, inertia, np.where(unsolved, left, 0.0))
+        lost = np.flatnonzero(unsolved)
+        raise SingularityError(
+            f"sample {lost[0]}: load friction takes all force that its load gains "
+            f"({len(lost)} such samples)"
+        )
 
     def mass_matrix(self, u: FloatArray | Pose) -> FloatArray:
         """Mass matrix M (dof, dof) or (N, dof, dof), rotor inertias included."""
