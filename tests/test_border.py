@@ -181,3 +181,9 @@ def test_a_word_that_stands_twice_is_placed_where_it_is_wrong(tmp_path):
     line = text[: text.index("name_mot")].count("\n") + 1
     with pytest.raises(RobotFileError, match=f"line {line}, name_mot.1: unknown joint 'right_coup"):
         loopid.load(file)
+
+
+def test_a_folder_is_not_said_to_be_meant_for_itself(tmp_path):
+    (tmp_path / "arm").mkdir()
+    with pytest.raises(loopid.errors.FileError, match="arm is a folder, and"):
+        loopid.load(tmp_path / "arm")

@@ -49,11 +49,15 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def _array(kinds: str, what: str) -> PlainValidator:
+def _array(kinds: str, what: str, *, frames: bool = False) -> PlainValidator:
     """Arrays of NumPy's kinds as they are, and lists as arrays; their shapes are not looked at."""
 
-    def taken(given: ArrayLike) -> NDArray[Any]:
-        values = given if type(given) is np.ndarray else _real(given, "", NoneType)
+    def taken(given: Any) -> Any:
+        if frames and hasattr(given, "columns"):
+            return given
+        # Tables of several types give arrays of objects, which may be numbers.
+        plain = type(given) is np.ndarray and given.dtype != object
+        values = given if plain else _real(given, "", NoneType)
         if values.dtype.kind not in kinds and values.size:
             values = _real(values, "")
             raise DataError(f"must be {what}, not {values.dtype}")
@@ -71,6 +75,8 @@ IntArray = Annotated[NDArray[np.int64], _array("iu", "whole numbers")]
 BoolArray = Annotated[NDArray[np.bool_], _array("b", "True or False")]
 # A list will do as well.
 Numbers = Annotated[ArrayLike, _array("biuf", "numbers")]
+# A data frame stays one, as its columns have names.
+NumbersByJoint = Annotated[ArrayLike, _array("biuf", "numbers", frames=True)]
 # A field that need not be finite; null in files where it is not.
 Number = Annotated[
     float, Field(allow_inf_nan=True), BeforeValidator(lambda x: np.nan if x is None else x)

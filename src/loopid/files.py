@@ -52,7 +52,7 @@ def near_file(path: Path, others: Sequence[str] = ()) -> str:
     except (OSError, ValueError):
         return ""
     whole = next((name for name in sorted(beside) if Path(name).stem == path.name), path.name)
-    return near(whole, (*others, *beside))
+    return near(whole, [name for name in (*others, *beside) if name != path.name])
 
 
 def text_blocks(path: Path) -> Generator[bytes]:

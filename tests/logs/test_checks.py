@@ -228,6 +228,8 @@ def test_angles_in_degrees(swings, made):
     signals = swings["revolute"], time, angle, angle
     said = refused(made, *signals, joint="swing", limits="[-2, 2]")
     assert "deg to rad" in str(said)
+    advised = re.search(r"give position_scale: (\S+) in a mapping", str(said))
+    assert float(advised[1]) * 180 == pytest.approx(np.pi, rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["continuous", "wide"])
@@ -436,5 +438,5 @@ def test_the_unit_of_hinges_is_not_advised_for_slides():
     time = np.arange(0.0, 5.0, 0.01)
     motion = np.stack([90 * np.sin(time), np.cos(time)], axis=1)
     log = loopid.Log.from_arrays(time, motion, motion, robot.actuated)
-    with pytest.raises(LogError, match=r"position_scale: \{turn: 0.0174533\} in a mapping"):
+    with pytest.raises(LogError, match=r"position_scale: \{turn: 0.01745329252\} in a mapping"):
         check_log(robot, log)

@@ -33,6 +33,27 @@ def from_file(columns, knee, tmp_path_factory):
     return read_log(path, knee)
 
 
+def test_columns_with_the_motors_names_are_taken_by_name(arrays, knee):
+    time, *signals = arrays
+    order = [*range(len(knee.actuated))]
+    frames = [
+        polars.DataFrame({knee.actuated[k]: values[:, k] for k in reversed(order)})
+        for values in signals
+    ]
+    plain, named = (Log.from_arrays(time, *own, knee.actuated) for own in (signals, frames))
+    np.testing.assert_array_equal(named.position, plain.position)
+    np.testing.assert_array_equal(named.force, plain.force)
+
+
+def test_numbers_in_arrays_of_objects_are_numbers(arrays, knee):
+    time, position, force = arrays
+    plain = Log.from_arrays(time, position, force, knee.actuated)
+    objects = Log.from_arrays(time, position.astype(object), force, knee.actuated)
+    np.testing.assert_array_equal(objects.position, plain.position)
+    with pytest.raises(DataError, match="position must be numbers, not str"):
+        Log.from_arrays(time, np.where(position > 0, position, "x").astype(object), force, ["a"])
+
+
 def test_arrays_are_the_log_of_a_file(arrays, knee, from_file):
     log = Log.from_arrays(*arrays, knee.actuated, name="run")
     np.testing.assert_array_equal(log.position, arrays[1])

@@ -84,7 +84,7 @@ RATES = (*ROWS, 57.3 * np.cos(TIME))
 OF_LOGS = {
     "the unit of the time": (
         Log(columns=MS),
-        "give the unit of the time in a mapping",
+        "give the unit of the time in a mapping, as time: {column: NAME, unit: ms}",
         Log(columns=MS, mapping={"time": {"column": "time", "unit": "ms"}}),
     ),
     "times beyond the epoch": (
@@ -132,8 +132,10 @@ OF_LOGS = {
     ),
     "positions in degrees": (
         Log(columns=(TIME, 57.3 * (2 + ROWS[1]), ROWS[2])),
-        "give position_scale in a mapping",
-        Log(columns=(TIME, 57.3 * (2 + ROWS[1]), ROWS[2]), mapping={"position_scale": 0.01745}),
+        "give position_scale: 0.01745329252 in a mapping",
+        Log(
+            columns=(TIME, 57.3 * (2 + ROWS[1]), ROWS[2]), mapping={"position_scale": 0.01745329252}
+        ),
     ),
     "rates in another unit": (
         Log((*NAMES, "crank_joint.velocity"), RATES, RATED),

@@ -18,6 +18,7 @@ from loopid.arguments import (
     IntArray,
     NotNegative,
     Numbers,
+    NumbersByJoint,
     finite,
     for_each,
     rectangular,
@@ -195,12 +196,12 @@ class Log(Tabular):
     def from_arrays(  # noqa: PLR0913 (a column each)
         cls,
         time: Numbers,
-        position: Numbers,
-        force: Numbers,
+        position: NumbersByJoint,
+        force: NumbersByJoint,
         joints: Sequence[str],
         *,
-        velocity: Numbers | None = None,
-        acceleration: Numbers | None = None,
+        velocity: NumbersByJoint | None = None,
+        acceleration: NumbersByJoint | None = None,
         units: Mapping[str, str | Mapping[str, str]] | None = None,
         segments: Numbers | None = None,
         saturation: Numbers | None = None,
@@ -218,7 +219,8 @@ class Log(Tabular):
         position, force : array
             (N, m), or (N,) of a single motor.
         joints : sequence of str
-            The m motors, in the order of the columns.
+            The m motors, in the order of the columns. Columns of a DataFrame that are called as
+            the motors are taken by name.
         velocity, acceleration : array, optional
             (N, m), where they were measured.
         units : mapping, optional
@@ -264,7 +266,8 @@ class Log(Tabular):
                 continue
             own = [_unit(quantity, unit) for unit in _by_joint(units.get(quantity), joints)]
             scales = [unit.scale for unit in own]
-            signals[quantity] = _columns(values, len(joints), quantity, len(at)) * scales
+            ordered = _by_name(values, joints)
+            signals[quantity] = _columns(ordered, len(joints), quantity, len(at)) * scales
             slides |= {
                 f"{joint}.{quantity}": unit.straight
                 for joint, unit in zip(joints, own, strict=True)
@@ -519,6 +522,12 @@ def _segments(given: ArrayLike, count: int) -> IntArray:
         message = f"segments must be {count} whole numbers that ascend"
         raise DataError(message, argument="segments")
     return numbers.astype(np.int64, copy=False)
+
+
+def _by_name(values: Any, joints: Sequence[str]) -> ArrayLike:
+    """A frame with a column by the name of each joint, in their order; all else as it is."""
+    named = {*getattr(values, "columns", ())} == {*joints}
+    return values[[*joints]] if named else values  # type: ignore[no-any-return]
 
 
 def _columns(values: ArrayLike, width: int, name: str, count: int) -> FloatArray:
