@@ -22,11 +22,10 @@ from loopid.logs.grid import (
 )
 from loopid.logs.log import Log
 from loopid.logs.signals import POSE
-from loopid.logs.table import QUANTITIES
+from loopid.logs.table import NANOSECONDS, QUANTITIES
 from loopid.robot.robot import Robot, link_frames, lock_options
 
 # Factors that would make a unit of another one.
-TIME_UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 OTHER_TIMES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
 OTHER_LENGTHS = {"0.001 (mm to m)": 1e-3, "1000 (km to m)": 1e3, "1e-6 (um to m)": 1e-6}
 OTHER_ANGLES = {"pi/180 (deg to rad)": np.pi / 180, "0.001 (mrad to rad)": 1e-3}
@@ -136,12 +135,16 @@ def _require_usual_step(stream: Stream) -> None:
     if not shortest <= step <= longest:
         fitting = [factor for factor in OTHER_TIMES if shortest <= step * factor <= longest]
         factors = " or ".join(f"{factor:g}" for factor in fitting)
-        known = [unit for unit, factor in TIME_UNITS.items() if factor in fitting]
-        unit = known[0] if known else "s"
+        unit = next((unit for unit, each in NANOSECONDS.items() if each / 1e9 in fitting), None)
+        do = "give times in s"
+        if unit is not None:
+            do = (
+                "give the unit of the time in a mapping, as time: "
+                f"{{column: NAME, unit: {unit}}}, or in units of Log.from_arrays"
+            )
         raise stream.refused(
             f"the median step between time stamps is {step:.3g} s, but must be "
-            f"from {shortest:g} to {longest:g} s: give the unit of the time in a mapping, as time: "
-            f"{{column: NAME, unit: {unit}}}, or in units of Log.from_arrays"
+            f"from {shortest:g} to {longest:g} s: {do}"
             f"{f'; times {factors} it would fit' if factors else ''}"
         )
 
