@@ -31,7 +31,7 @@ def case(load_once):
         parts = [data.with_force(force), *(model.samples(other) for other in others)]
         return load_change(model, type(data).combined(parts), [run(), *others])
 
-    found.other = lambda: run(name="other")
+    found.other = lambda mass=0.0, name="other": run(mass, name)
     return found
 
 
@@ -45,6 +45,16 @@ def test_a_payload_is_named_with_its_time_and_log(case):
     assert "of run" not in found.finding(several=False).title
     beside = case(lambda force, loaded: loaded, case.other())
     assert (beside.name, beside.time) == ("run", found.time)
+
+
+def test_a_log_with_another_load_than_others_is_named_whole(case):
+    loaded, third = case.other(0.5, "loaded"), case.other(name="third")
+    for others in ([loaded], [loaded, third]):
+        found = case(lambda force, loaded: force, *others)
+        assert (found.name, found.time) == ("loaded", None)
+        assert found.finding(several=True).title == (
+            "the load of loaded differs from that of others"
+        )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A load that comes or goes within a log: bodies differ from a time on.
+"""A load that comes or goes: bodies differ from a time of a log on, or in a whole log.
 
 All parameters are fitted to the whole log. Beside them one body at a time may have another mass and
 another centre from a time on, which adds four columns. Sums of products of the columns, over blocks
@@ -34,53 +34,66 @@ RIDGE, SEEN = 1e-12, 1e-6  # of columns of unit length: what keeps, and what is,
 
 @record
 class LoadChange:
-    """A time from which on the bodies differ.
+    """A time from which on the bodies differ, or a recording that others differ from.
 
     Attributes
     ----------
     name : str
         Of the recording.
-    time : float
-        In s, of the recording.
+    time : float or None
+        In s, of the recording; ``None`` where all of it differs from the others.
     before, after : float
         Errors of all motors, in parts of their forces in the root mean square, with the same bodies
         all along, and with others from then on.
     """
 
     name: str
-    time: float
+    time: float | None
     before: float
     after: float
 
     def finding(self, several: bool) -> Finding:
         """In words, with the log's name where there are several."""
+        if self.time is None:
+            title, where = f"the load of {self.name} differs from that of others", "there"
+            advice = "identify logs of one load at a time"
+        else:
+            title = f"the load changes at {self.time:.2f} s{f' of {self.name}' * several}"
+            where = "from then on"
+            advice = "give the rows before and after as logs of their own, and identify one of them"
         return Finding(
             "warning",
-            f"the load changes at {self.time:.2f} s{f' of {self.name}' * several}",
-            f"with a body that is lighter or heavier from then on, errors are "
+            title,
+            f"with a body that is lighter or heavier {where}, errors are "
             f"{number(100 * self.after, 2)} % of the forces instead of "
             f"{number(100 * self.before, 2)} %",
-            "give the rows before and after as logs of their own, and identify one of them",
+            advice,
         )
 
 
 def load_change(
     force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording]
 ) -> LoadChange | None:
-    """The time at which a load comes or goes in one of the recordings, where that is clear."""
+    """The time at which a load comes or goes in one of the recordings, where that is clear.
+
+    Of two recordings with different loads the second is named.
+    """
     products, best = _Products(force_model, data), (1.0, 0, 0)
     for run in range(len(recordings)):
         rows = np.flatnonzero(data.runs == run)
         if len(rows) >= BLOCKS * LEAST_SAMPLES:
-            best = min(best, (*products.best_time(rows), run))
+            best = min(best, (*products.best_time(rows, whole=len(recordings) > 1), run))
     left, first, run = best
+    if first == 0 and len(recordings) == 2:  # the same as a change in all of the other
+        first, run = int(np.argmax(data.runs == 1)), 1
     before, after = (float(np.sqrt(part * products.error)) for part in (1.0, left))
     if before < LARGE or after > LEFT * before:
         return None
     if after > RIVAL * np.sqrt(products.part_by_rivals(first, run) * products.error):
         return None
-    time = np.concatenate([run.motion.time for run in recordings])
-    return LoadChange(recordings[run].name, float(time[first]), before, after)
+    late = first - int(np.flatnonzero(data.runs == run)[0])
+    time = float(recordings[run].motion.time[late]) if late else None
+    return LoadChange(recordings[run].name, time, before, after)
 
 
 class _Products:
@@ -91,7 +104,7 @@ class _Products:
         whole, n = self._of(slice(0, len(data))), len(data.parameters)
         sizes = np.sqrt(np.diag(whole))
         self.sizes = np.where(sizes > 0, sizes, 1.0)
-        whole = self._scaled(whole)
+        self.whole = whole = self._scaled(whole)
         self.inverse = np.linalg.inv(whole[:n, :n] + RIDGE * np.eye(n))
         self.values = self.inverse @ whole[:n, n]
         self.left = max(float(whole[n, n] - whole[:n, n] @ self.values), RIDGE)
@@ -114,17 +127,22 @@ class _Products:
     def _scaled(self, products: FloatArray) -> FloatArray:
         return np.asarray(products / np.outer(self.sizes, self.sizes))
 
-    def best_time(self, rows: IntArray) -> tuple[float, int]:
-        """The part of the squares that a change leaves at least, and the row it begins with."""
+    def best_time(self, rows: IntArray, *, whole: bool) -> tuple[float, int]:
+        """The part of the squares that a change leaves at least, and the row it begins with.
+
+        ``whole`` where that may be the first row: it is, if a later one is not clearly better.
+        """
         ends = np.linspace(rows[0], rows[-1] + 1, BLOCKS + 1).astype(int)
         later = self._from_each(ends)
         tried = range(LEAST_BLOCKS, BLOCKS - LEAST_BLOCKS + 1)
         _, k = min((self._part_left(later[k]), k) for k in tried)
         finer = np.linspace(ends[k - 1], ends[k + 1], FINER + 1).astype(int)
         after = later[k + 1] + self._from_each(finer)
-        return min(
+        best = min(
             (self._part_left(each), int(row)) for each, row in zip(after, finer, strict=True)
         )
+        left = self._part_left(later[0]) if whole else 1.0
+        return (left, int(rows[0])) if RIVAL * left < best[0] else best
 
     def _from_each(self, ends: IntArray) -> FloatArray:
         """Products (k + 1, ...) of samples from each of some rows (k + 1,) to the last of these."""
@@ -138,7 +156,7 @@ class _Products:
         rows, motors = np.arange(len(data)), np.eye(len(self.weights))
         late = ((rows >= first) & (rows <= own[-1]))[:, None, None]
         drift = np.interp(rows, own[[0, -1]], [0.0, 1.0], left=0.0, right=0.0)[:, None, None]
-        before = self._scaled(self._of(slice(int(own[0]), first)))
+        before = self.whole - self._scaled(self._of(slice(first, int(own[-1]) + 1)))
         n = len(before) - 1
         values = np.linalg.solve(before[:n, :n] + RIDGE * np.eye(n), before[:n, n])
         force = data.predicted(values * self.sizes[n] / self.sizes[:n])[:, :, None] * motors
