@@ -336,7 +336,8 @@ def compare(
     twice = next((run for k, run in enumerate(runs) if files[k] in files[:k]), None)
     if twice is not None:
         raise OptionError(f"{twice} is given twice: compare different fits", given=twice)
-    names = [(each.parent if each.name == "parameters.yaml" else each).name for each in files]
+    named = ((each.parent if each.name == "parameters.yaml" else each) for each in files)
+    names = [each.name or each.resolve().name for each in named]  # "." has none
     fits = map(FitFile.read, files)
     known = dict(zip(names if len({*names}) == len(names) else runs, fits, strict=True))
     answer.show(comparison_report(known))

@@ -386,8 +386,10 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
 
 def _wrong(found: Outcome) -> Iterator[Finding]:
     """What another motion does not mend, the likeliest cause first."""
-    passing, change = _passing(found), found.load_change
+    passing, other = _passing(found), found.log_difference
+    change = found.load_change if other is None else None
     yield from () if passing is None else (passing,)
+    yield from () if other is None else (other.finding,)
     yield from () if change is None else (change.finding(len(found.training) > 1),)
     others = [each for each in (_better(found), _unexplained(found)) if each is not None]
     if found.fit.turning and (others or found.force_model.free_friction):
