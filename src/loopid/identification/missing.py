@@ -325,9 +325,12 @@ def _wrong_length(
     test = _Test(fit, len(force_model.parameters))
     lengths = length_forces(force_model, standard, runs)
     tried = {place: test.of(force[:, :, None]) for place, force in lengths.items()}
-    if not tried:
+    # What is set must be clear: a zero that is only likely is none.
+    most = FALSE_ALARM / (families * max(len(tried), 1))
+    worth = [place for place in tried if not place.unit or tried[place].chance < most]
+    if not worth:
         return None
-    place = min(tried, key=lambda each: tried[each].chance)
+    place = min(worth, key=lambda each: tried[each].chance)
     best = tried[place]
     if not place.unit and abs(best.x[0]) > MOST_OFF:
         return None
@@ -336,6 +339,8 @@ def _wrong_length(
         return None
     size = float(f"{best.x[0]:.3g}")
     clear = families * least < FALSE_ALARM and abs(size) >= LEAST_OFF
+    if place.unit and not clear:
+        return None
     return test.missing(
         best,
         motor="",
