@@ -7,7 +7,7 @@ import pytest
 
 import loopid
 from loopid import JointTerms
-from loopid.identification.load_change import load_change
+from loopid.identification.load_change import load_change, log_difference
 from made_runs import changed, record, wander
 
 
@@ -23,15 +23,15 @@ def case(load_once):
     def run(mass=0.0, name="run"):
         return record(robot, motion, terms, changed(robot, right_coupler_m=mass), 0.01, name=name)
 
-    def found(spoil, *others):
+    def found(spoil, *others, start=6.0, look=load_change):
         data = model.samples(run())
-        late = np.flatnonzero(motion.time >= 6.0)
+        late = np.flatnonzero(motion.time >= start)
         force = data.force.copy()
         force[late] = spoil(force[late], run(0.5).force[late])
         parts = [data.with_force(force), *(model.samples(other) for other in others)]
-        return load_change(model, type(data).combined(parts), [run(), *others])
+        return look(model, type(data).combined(parts), [run(), *others])
 
-    found.other = lambda: run(name="other")
+    found.other = lambda name="other": run(name=name)
     return found
 
 
@@ -45,6 +45,23 @@ def test_a_payload_is_named_with_its_time_and_log(case):
     assert "of run" not in found.finding(several=False).title
     beside = case(lambda force, loaded: loaded, case.other())
     assert (beside.name, beside.time) == ("run", found.time)
+
+
+@pytest.mark.parametrize(
+    ("what", "spoil"),
+    [
+        ("load", lambda force, loaded: loaded),
+        ("size", lambda force, loaded: 1.3 * force),
+        (None, lambda force, loaded: force),
+    ],
+)
+def test_a_log_that_differs_from_others_is_named_with_what_differs(case, what, spoil):
+    for others in (["two"], ["two", "three"]):
+        logs = map(case.other, others)
+        found = case(spoil, *logs, start=0.0, look=log_difference)
+        name = "run" if len(others) > 1 else "two"  # of two, the second
+        assert (found and (found.name, found.what)) == (what and (name, what))
+        assert what is None or f"of {name} differs" in found.finding.title
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,10 @@
-"""A load that comes or goes within a log: bodies differ from a time on.
+"""What changes: a load that comes or goes within a log, or one log that differs from others.
 
-All parameters are fitted to the whole log. Beside them one body at a time may have another mass and
+All parameters are fitted to all logs. Beside them one body at a time may have another mass and
 another centre from a time on, which adds four columns. Sums of products of the columns, over blocks
 of samples, say for each time and body how much of the errors goes. A model that is wrong all along
 loses little by that. Rivals are forces of each motor that have another size or zero from then on,
-or drift.
+or drift. A log may differ from others by its load, or by the size and zero of its forces.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ class LoadChange:
     Attributes
     ----------
     name : str
-        Of the recording.
+        Of the log.
     time : float
-        In s, of the recording.
+        In s, of the log.
     before, after : float
         Errors of all motors, in parts of their forces in the root mean square, with the same bodies
         all along, and with others from then on.
@@ -57,11 +57,48 @@ class LoadChange:
         return Finding(
             "warning",
             f"the load changes at {self.time:.2f} s{f' of {self.name}' * several}",
-            f"with a body that is lighter or heavier from then on, errors are "
-            f"{number(100 * self.after, 2)} % of the forces instead of "
-            f"{number(100 * self.before, 2)} %",
+            f"with a body that is lighter or heavier from then on, {_errors(self)}",
             "give the rows before and after as logs of their own, and identify one of them",
         )
+
+
+@record
+class LogDifference:
+    """A log that differs from others.
+
+    Attributes
+    ----------
+    name : str
+        Of the log; of two the second.
+    what : str
+        ``"load"`` or ``"size"`` of forces.
+    before, after : float
+        Errors of all motors, in parts of their forces in the root mean square, without and with it.
+    """
+
+    name: str
+    what: str
+    before: float
+    after: float
+
+    @property
+    def finding(self) -> Finding:
+        """In words."""
+        title, allowed = {
+            "load": ("the load of {} differs", "a body that is lighter or heavier there"),
+            "size": ("the size or zero of forces of {} differs", "others of each motor there"),
+        }[self.what]
+        return Finding(
+            "warning",
+            f"{title.format(self.name)} from that of other logs",
+            f"with {allowed}, {_errors(self)}",
+            f"identify {self.name} and the others apart",
+        )
+
+
+def _errors(change: LoadChange | LogDifference) -> str:
+    after, before = (number(100 * each, 2) for each in (change.after, change.before))
+    return f"errors are {after} % of the forces instead of {before} %"
 
 
 def load_change(
@@ -72,7 +109,8 @@ def load_change(
     for run in range(len(recordings)):
         rows = np.flatnonzero(data.runs == run)
         if len(rows) >= BLOCKS * LEAST_SAMPLES:
-            best = min(best, (*products.best_time(rows), run))
+            later = run > 0 and recordings[run - 1].name == recordings[run].name
+            best = min(best, (*products.best_time(rows, whole=later), run))
     left, first, run = best
     before, after = (float(np.sqrt(part * products.error)) for part in (1.0, left))
     if before < LARGE or after > LEFT * before:
@@ -83,6 +121,33 @@ def load_change(
     return LoadChange(recordings[run].name, float(time[first]), before, after)
 
 
+def log_difference(
+    force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording]
+) -> LogDifference | None:
+    """How one of several logs differs from the others, where that is clear."""
+    names = [run.name for run in recordings]
+    logs = [*dict.fromkeys(names)]
+    if len(logs) < 2:
+        return None
+    products = _Products(force_model, data)
+    before = float(np.sqrt(products.error))
+    if before < LARGE:
+        return None
+    tried = logs if len(logs) > 2 else logs[1:]  # of two, the same
+    parts = {
+        (name, what): left
+        for name in tried
+        for what, left in products.parts_of_log(
+            np.flatnonzero([names[run] == name for run in data.runs])
+        ).items()
+    }
+    (name, what), left = min(parts.items(), key=lambda each: each[1])
+    others = [part for (_, other), part in parts.items() if other != what]
+    if np.sqrt(left) > min(LEFT, RIVAL * np.sqrt(min(others))):
+        return None
+    return LogDifference(name, what, before, before * float(np.sqrt(left)))
+
+
 class _Products:
     """Products of columns of unit length and the forces, and what a change explains."""
 
@@ -91,7 +156,7 @@ class _Products:
         whole, n = self._of(slice(0, len(data))), len(data.parameters)
         sizes = np.sqrt(np.diag(whole))
         self.sizes = np.where(sizes > 0, sizes, 1.0)
-        whole = self._scaled(whole)
+        self.whole = whole = self._scaled(whole)
         self.inverse = np.linalg.inv(whole[:n, :n] + RIDGE * np.eye(n))
         self.values = self.inverse @ whole[:n, n]
         self.left = max(float(whole[n, n] - whole[:n, n] @ self.values), RIDGE)
@@ -114,17 +179,22 @@ class _Products:
     def _scaled(self, products: FloatArray) -> FloatArray:
         return np.asarray(products / np.outer(self.sizes, self.sizes))
 
-    def best_time(self, rows: IntArray) -> tuple[float, int]:
-        """The part of the squares that a change leaves at least, and the row it begins with."""
+    def best_time(self, rows: IntArray, *, whole: bool) -> tuple[float, int]:
+        """The part of the squares that a change leaves at least, and the row it begins with.
+
+        ``whole`` where that may be the first row: it is, if a later one is not clearly better.
+        """
         ends = np.linspace(rows[0], rows[-1] + 1, BLOCKS + 1).astype(int)
         later = self._from_each(ends)
         tried = range(LEAST_BLOCKS, BLOCKS - LEAST_BLOCKS + 1)
         _, k = min((self._part_left(later[k]), k) for k in tried)
         finer = np.linspace(ends[k - 1], ends[k + 1], FINER + 1).astype(int)
         after = later[k + 1] + self._from_each(finer)
-        return min(
+        best = min(
             (self._part_left(each), int(row)) for each, row in zip(after, finer, strict=True)
         )
+        left = self._part_left(later[0]) if whole else 1.0
+        return (left, int(rows[0])) if RIVAL * left < best[0] else best
 
     def _from_each(self, ends: IntArray) -> FloatArray:
         """Products (k + 1, ...) of samples from each of some rows (k + 1,) to the last of these."""
@@ -134,16 +204,30 @@ class _Products:
 
     def part_by_rivals(self, first: int, run: int) -> float:
         """The least part of the squares that rivals of a load leave, from a row of a recording."""
-        data, own = self.data, np.flatnonzero(self.data.runs == run)
-        rows, motors = np.arange(len(data)), np.eye(len(self.weights))
-        late = ((rows >= first) & (rows <= own[-1]))[:, None, None]
-        drift = np.interp(rows, own[[0, -1]], [0.0, 1.0], left=0.0, right=0.0)[:, None, None]
-        before = self._scaled(self._of(slice(int(own[0]), first)))
-        n = len(before) - 1
-        values = np.linalg.solve(before[:n, :n] + RIDGE * np.eye(n), before[:n, n])
-        force = data.predicted(values * self.sizes[n] / self.sizes[:n])[:, :, None] * motors
-        both = np.concatenate([force, np.broadcast_to(motors, force.shape)], axis=2)
-        return min(self._part_beside(late * both), self._part_beside(drift * both))
+        own = np.flatnonzero(self.data.runs == run)
+        rows = np.arange(len(self.data))
+        late = (rows >= first) & (rows <= own[-1])
+        drift = np.interp(rows, own[[0, -1]], [0.0, 1.0], left=0.0, right=0.0)
+        both = _size_and_zero(self._predicted_without(slice(first, int(own[-1]) + 1)))
+        return min(self._part_beside(part[:, None, None] * both) for part in (late, drift))
+
+    def parts_of_log(self, rows: IntArray) -> dict[str, float]:
+        """Part of the squares that is left where the rows of a log differ, by what differs."""
+        own = slice(int(rows[0]), int(rows[-1]) + 1)
+        force = self._predicted_without(own)
+        there = np.zeros((len(force), 1, 1))
+        there[own] = 1.0
+        return {
+            "load": self._part_left(self._scaled(self._of(own))),
+            "size": self._part_beside(there * _size_and_zero(force)),
+        }
+
+    def _predicted_without(self, rows: slice) -> FloatArray:
+        """Forces (N, dof) by a fit without some rows."""
+        others = self.whole - self._scaled(self._of(rows))
+        n = len(others) - 1
+        values = np.linalg.solve(others[:n, :n] + RIDGE * np.eye(n), others[:n, n])
+        return self.data.predicted(values * self.sizes[n] / self.sizes[:n])
 
     def _part_beside(self, columns: FloatArray) -> float:
         """The part of the squares that columns (N, dof, k) of any size leave."""
@@ -166,6 +250,13 @@ class _Products:
             error = (force - beside @ self.values) / sizes
             gains.append(float(error @ np.linalg.pinv(own, SEEN, hermitian=True) @ error))
         return max(1 - max(gains) / self.left, 0.0)
+
+
+def _size_and_zero(force: FloatArray) -> FloatArray:
+    """Columns (N, dof, 2 dof) of another size and zero of forces (N, dof)."""
+    motors = np.eye(force.shape[1])
+    sizes = force[:, :, None] * motors
+    return np.concatenate([sizes, np.broadcast_to(motors, sizes.shape)], axis=2)
 
 
 def _by_body(force_model: ForceModel, matrix: FloatArray) -> Iterator[FloatArray]:

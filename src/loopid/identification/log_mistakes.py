@@ -253,11 +253,24 @@ def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]
 def log_faults_by_log(
     robot: Robot, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
 ) -> tuple[LogFaults, ...]:
-    """``log_faults`` of each log, its parts, which have one name, taken together."""
+    """``log_faults`` of each log, its parts, which have one name, taken together.
+
+    Mistakes that some logs do not have name their log.
+    """
     logs: dict[str, list[Recording]] = {}
     for recording in recordings:
         logs.setdefault(recording.name, []).append(recording)
-    return tuple(log_faults(robot, parts, joint_terms) for parts in logs.values())
+    found = [log_faults(robot, parts, joint_terms) for parts in logs.values()]
+    if all(each.mistakes for each in found):
+        return tuple(found)
+    return tuple(
+        replace(each, mistakes=tuple(_of_log(each.recording, one) for one in each.mistakes))
+        for each in found
+    )
+
+
+def _of_log(name: str, mistake: Finding) -> Finding:
+    return replace(mistake, title=f"{name}: {mistake.title}", do=f"{mistake.do}, for {name} alone")
 
 
 class _Find(NamedTuple):
