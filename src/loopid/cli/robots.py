@@ -21,7 +21,8 @@ from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
-    from loopid.logs.recording import Recording
+    from loopid.logs.recording import FilterOptions, Recording
+    from loopid.motion.joints import JointMotion
     from loopid.robot.robot import Robot
 
 FILE = Argument(
@@ -489,10 +490,30 @@ def recordings(
 ) -> tuple[Recording, ...]:
     """Logs of an option, read and made ready."""
     from loopid.logs.reading import read_recordings
-    from loopid.logs.recording import FilterOptions
 
-    options = FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)
     with progress_bar("assembling") as report:
         return read_recordings(
-            robot, paths or (), mapping, rows=row_range(rows), filter=options, progress=report
+            robot,
+            paths or (),
+            mapping,
+            rows=row_range(rows),
+            filter=_filter(cutoff),
+            progress=report,
         )
+
+
+def commanded_motions(
+    robot: Robot, paths: Sequence[str] | None, mapping: str | None, cutoff: float | None
+) -> tuple[JointMotion, ...]:
+    """Motions of an option, which need no forces."""
+    from loopid.logs.reading import read_commanded
+
+    with progress_bar("assembling") as report:
+        return read_commanded(robot, paths or (), mapping, filter=_filter(cutoff), progress=report)
+
+
+def _filter(cutoff: float | None) -> FilterOptions:
+    """That of a cut-off, or the usual one."""
+    from loopid.logs.recording import FilterOptions
+
+    return FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)
