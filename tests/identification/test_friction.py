@@ -8,7 +8,7 @@ import pytest
 import loopid
 from loopid import FilterOptions, JointTerms, load_fit, read_log
 from loopid.errors import DataError, OptionError
-from loopid.identification import friction_curve, friction_summary
+from loopid.identification import FitSamples, friction_curve, friction_summary
 from loopid.identification.consistent import error_weights
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.friction import (
@@ -477,3 +477,15 @@ def test_a_light_motor_that_sticks_under_a_controller_has_plain_friction(tmp_pat
     assert not found_groups(found)
     assert found.fit["motor.Fc"].value == pytest.approx(0.2, rel=0.01)
     assert found.fit["motor.Fv"].value == pytest.approx(0.1, rel=0.02)
+
+
+def test_friction_of_one_direction_is_no_friction_of_the_joint():
+    names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc+", "elbow.Fc-", "elbow.Fv"])
+    rng = np.random.default_rng(0)
+    rate = rng.normal(size=(200, 1))
+    W = np.stack([rate > 0, -(rate < 0).astype(float), rate], axis=2)
+    samples = FitSamples.of(names, ["elbow"], W, W @ [2.0, 3.0, 0.5] + rng.normal(size=(200, 1)))
+    summary = friction_summary(loopid.identification.fit(samples))
+    assert summary.joints == ("elbow",)
+    assert summary.coulomb == (None,)
+    assert summary.viscous[0].name == "elbow.Fv"
