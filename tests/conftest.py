@@ -344,17 +344,29 @@ def rate():
 
 @pytest.fixture(scope="session")
 def once(tmp_path_factory):
-    """Compute what takes seconds once for all workers of a run."""
+    """Compute what takes seconds once for all workers of a run.
+
+    A worker has one object of it, so that what is derived of it is made once, too.
+    """
     folder = tmp_path_factory.getbasetemp()
     folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
 
-    def load(name, compute):
+    def shared(name, compute):
         place = folder / f"{name}.pickle"
         with (folder / f"{name}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            if not place.exists():
-                place.write_bytes(pickle.dumps(compute()))
-        return pickle.loads(place.read_bytes())
+            if place.exists():
+                return pickle.loads(place.read_bytes())
+            made = compute()
+            place.write_bytes(pickle.dumps(made))
+        return made
+
+    kept = {}
+
+    def load(name, compute):
+        if name not in kept:
+            kept[name] = shared(name, compute)
+        return kept[name]
 
     return load
 

@@ -41,7 +41,7 @@ def test_the_python_of_a_page_runs_from_top_to_bottom(page, short_logs, tmp_path
 ELSEWHERE = {"paper": "tests/paper", "payload": "tests/cli/test_simulate_and_predict.py"}
 # Of designs, so that they take a second.
 QUICK = ["--starts", "1", "--evaluations", "5", "--duration", "5"]
-LONG = {"control", "excitation", "exports", "identification", "reports"}  # 35 s
+LONG = {"control", "excitation", "exports", "identification", "reports", "start"}  # 40 s
 
 
 @pytest.fixture
