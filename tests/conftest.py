@@ -10,7 +10,6 @@ import re
 import sys
 import warnings
 from functools import cache, wraps
-from hashlib import sha256
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +22,7 @@ from hypothesis import HealthCheck, settings
 
 import loopid
 from closure_robots import X, Y, Z, body, files, frame, joint, urdf
+from fingerprints import fingerprint
 from linkages import LINKAGES
 from loopid import bundled_robots, identify, random_configurations, read_log
 from loopid.errors import ModelWarning
@@ -173,8 +173,7 @@ def bundled_once(load_once, once, monkeypatch):
     def shared(function):
         @wraps(function)
         def call(*arguments, **options):
-            key = sha256(pickle.dumps((arguments, options))).hexdigest()
-            name = f"{function.__name__} {key}"
+            name = f"{function.__name__} {fingerprint(arguments, options)}"
             return once(name, lambda: function(*arguments, **options))
 
         return call
