@@ -343,6 +343,7 @@ def test_what_no_motion_within_the_limits_excites_is_named(wrist):
     assert np.isinf(found.standard_errors).any()
 
 
+@pytest.mark.validate
 def test_without_other_word_noise_is_a_share_of_the_forces(full):
     """Errors are in proportion to it, and it is of the size of the forces of any good motion."""
     one, two = (

@@ -186,6 +186,7 @@ def test_the_joint_covariance_is_the_textbooks():
     np.testing.assert_allclose(found.quality.residual_rms, np.sqrt((residual**2).mean(axis=0)))
 
 
+@pytest.mark.validate
 @runs(30, 300)
 @pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")
 def test_intervals_cover_only_with_the_uncertainty_of_the_first_step(runs):

@@ -123,6 +123,7 @@ def test_weights_converge_however_small_the_noise():
         np.testing.assert_allclose(deviations, max(level, 1e-10), rtol=0.1)
 
 
+@pytest.mark.validate
 def test_weights_of_little_noise_are_the_same_on_another_processor():
     program = "import json, test_least_squares as t; print(t.nearly_exact_weights().tolist())"
     paths = os.pathsep.join(path for path in sys.path if path)

@@ -54,9 +54,7 @@ def identified(robot, once):
     return lambda wrong="nothing": once(f"verdict on {wrong}", lambda: found(wrong))
 
 
-@pytest.mark.parametrize(
-    "wrong", few_of(["a spring", "gravity", "a sign", "a zero"], "a spring")
-)
+@pytest.mark.parametrize("wrong", few_of(["a spring", "gravity", "a sign", "a zero"], "a spring"))
 def test_a_wrong_model_is_never_praised(identified, wrong):
     assert PRAISE not in str(identified(wrong).verdict)
 
@@ -73,6 +71,7 @@ def test_an_arm_whose_rotors_are_missing_is_not(tmp_path, terms):
     assert (PRAISE in str(found.verdict)) == ("Ia" in terms)
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("length", few_of(["0.24", "0.2448"], "0.2448"))
 def test_a_robot_whose_length_is_off_by_two_percent_is_not(tmp_path, robot, length):
     """Its errors are above the noise of the sensors, as the log has it."""

@@ -96,6 +96,7 @@ def test_robots_that_are_drawn_folded(name, write_files):
         assert_ranks_agree(loopid.load(path))
 
 
+@pytest.mark.validate
 def test_files_of_six_digits(linkage, write_files):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
