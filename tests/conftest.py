@@ -50,6 +50,7 @@ gc.disable()  # to collect thousands of tests makes no garbage
 def pytest_collection_finish():
     """What was collected stays: no later search for garbage goes through it."""
     gc.freeze()
+    gc.set_threshold(50_000, 20)  # what tests leave is seldom garbage
     gc.enable()
 
 

@@ -162,7 +162,7 @@ def test_a_payload_alone_is_known_better_than_with_all_others(full, design):
     ("limits", "name"),
     [
         ({"positions": {"left_crank_joint": (10.0, 12.0)}}, "position of left_crank_joint"),
-        ({"forces": {"all": 1e-3}}, "force"),
+        pytest.param({"forces": {"all": 1e-3}}, "force", marks=pytest.mark.validate),
     ],
 )
 def test_what_cannot_be_met_is_named(gravity, limits, name):

@@ -29,7 +29,6 @@ from smooth_data import (
     named,
     named_samples,
     outliers,
-    runs,
     smooth_regressor,
 )
 
@@ -187,7 +186,7 @@ def test_the_joint_covariance_is_the_textbooks():
 
 
 @pytest.mark.validate
-@runs(30, 300)
+@pytest.mark.parametrize("runs", [300])
 @pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")
 def test_intervals_cover_only_with_the_uncertainty_of_the_first_step(runs):
     rates, alone, errors, stated = [], [], [], []

@@ -198,6 +198,7 @@ def test_reports_hold_rows_without_a_motor(identified):
     assert "</i>ball.wx</h3>" in report.page().html()
 
 
+@pytest.mark.validate
 def test_a_spin_that_moves_no_mass_identifies_nothing(model_of, fallen):
     model = model_of("light rod")
     recording = noisy(fallen("light rod", 1), 1, np.random.default_rng(5))

@@ -193,7 +193,8 @@ def test_weighted_estimates_are_unbiased_sharp_and_covered(runs):
     assert (spread["wls"] < 0.5 * spread["ols"]).all()
 
 
-@runs(100, 400)
+@pytest.mark.validate
+@pytest.mark.parametrize("runs", [400])
 def test_the_shares_of_the_freedom_keep_variances_unbiased(runs):
     # One actuator of 12 samples takes most of 6 parameters: an equal share would be far off.
     rng, found = np.random.default_rng(0), []

@@ -77,7 +77,7 @@ def test_linkages(name, linkage):
     assert_ranks_agree(linkage(name))
 
 
-@pytest.mark.parametrize("name", few_of(FILES, "weld and polynomial", "differential"))
+@pytest.mark.parametrize("name", few_of(FILES, "differential"))
 def test_files_of_mujoco(name, tmp_path):
     (tmp_path / "robot.xml").write_text(FILES[name])
     with warnings.catch_warnings():
