@@ -34,6 +34,7 @@ def run_examples(name, thing):
     return sum(len(test.examples) for test in found)
 
 
+@pytest.mark.pages
 @pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared", "none_missing")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("name", NAMES)
@@ -42,6 +43,7 @@ def test_a_public_name_has_an_example_that_runs(name, short_logs, monkeypatch):
     assert run_examples(name, getattr(loopid, name)), f"{name} has no example in its docstring"
 
 
+@pytest.mark.pages
 @pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared", "none_missing")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("subpackage", SUBPACKAGES)

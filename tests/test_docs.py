@@ -26,6 +26,7 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.S | re.M)
 
 
+@pytest.mark.pages
 @pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared", "none_missing")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.name)  # README: test_readme.py
@@ -70,6 +71,7 @@ def commands(page):
             yield words[1:]
 
 
+@pytest.mark.pages
 @pytest.mark.usefixtures(
     "bundled_robots_loaded_once", "nothing_suspected", "no_delay_sought", "none_missing"
 )
