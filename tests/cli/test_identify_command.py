@@ -377,9 +377,14 @@ def test_an_estimator_goes_by_its_name(arm):
         assert values[name] == pytest.approx(value, rel=0.1)
 
 
-def test_instruments_are_read_from_a_reference_log(run, arm, arm_files):
+def test_instruments_are_commanded_positions_without_forces(run, arm, arm_files, tmp_path):
     robot, log, _ = arm_files
-    found = arm("--estimator", "iv", "--reference", log)
+    rows = [line.split(",") for line in Path(log).read_text().splitlines()]
+    moves = [k for k, name in enumerate(rows[0]) if "force" not in name]
+    assert len(moves) < len(rows[0])
+    commanded = tmp_path / "commanded.csv"
+    commanded.write_text("\n".join(",".join(row[k] for k in moves) for row in rows))
+    found = arm("--estimator", "iv", "--reference", commanded)
     assert found["all_parameters"]["estimate"]["estimator"] == "iv"
     assert_refused(run("identify", robot, log, "--estimator", "iv"), ["reference"])
     assert_refused(run("identify", robot, log, "--reference", log), ["'wls'"])

@@ -1,6 +1,7 @@
 """``loopid motions`` and ``loopid paper``, and what all commands have in common."""
 
 import importlib.metadata
+import json
 import os
 import re
 import subprocess
@@ -203,6 +204,16 @@ def test_one_fit_is_not_compared_with_itself(run, tmp_path, load_once):
     assert (done.code, done.out) == (2, "")
     assert done.err == f"loopid: error: {once} is given twice: compare different fits\n"
     assert run("compare", once, other).code == 0
+
+
+def test_a_fit_of_this_folder_has_its_name(run, tmp_path, monkeypatch, load_once):
+    model = loopid.force_model(load_once("five_bar"), "gravity", None)
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        loopid.Fit.of(model, model.prior).save(tmp_path / name / "parameters.yaml")
+    monkeypatch.chdir(tmp_path / "one")
+    found = json.loads(run("compare", ".", "../other", "--json").out)
+    assert [each["name"] for each in found["runs"]] == ["one", "other"]
 
 
 def test_fits_of_different_robots_are_not_compared(run, tmp_path):

@@ -11,7 +11,7 @@ from bank_robots import few_of
 from loopid import JointTerms
 from loopid.identification import Delay
 from loopid.identification.fitting import working_fit
-from loopid.identification.lengths import length_forces
+from loopid.identification.lengths import Place, length_forces
 from loopid.identification.missing import _slow, missing_forces
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
@@ -170,10 +170,10 @@ def longer(robot, part):
     return replace(other, reference=closed_nearby(robot, other, robot.reference[None])[0])
 
 
-def as_in_the_file(robot, motion):
-    """The motion of a robot's motors, as its file closes the loops."""
+def as_in_the_file(robot, motion, zero=0.0):
+    """The motion of a robot's motors, as its file closes the loops; the first from another zero."""
     q = motion.configurations[:, [robot.joint(name).idx_q for name in robot.actuated]]
-    signals = q, motion.velocities, motion.accelerations
+    signals = q + np.array([zero, 0.0]), motion.velocities, motion.accelerations
     return joint_motion(robot, Motion(robot.actuated, motion.time, *signals))
 
 
@@ -235,8 +235,32 @@ def test_forces_of_a_length_are_those_of_a_robot_with_that_length(robot, model):
     there = as_in_the_file(robot, motion)
     force = record(other, motion, noise=0.0).force - record(robot, there, noise=0.0).force
     still = Recording.of_motion(there, np.zeros_like(force), robot.actuated)
-    found = length_forces(model, model.standard_prior, [still])["left_coupler_end"]
+    found = length_forces(model, model.standard_prior, [still])[Place("left_coupler_end")]
     np.testing.assert_allclose(0.001 * found, force, atol=0.02 * np.abs(force).max())
+
+
+def test_forces_of_a_zero_are_those_at_positions_that_are_less(robot, model):
+    motion = wander(robot, 4, 5.0, 20.0, size=(0.5, 0.5))
+    there = as_in_the_file(robot, motion, 1e-3)
+    force = record(robot, motion, noise=0.0).force - record(robot, there, noise=0.0).force
+    still = Recording.of_motion(there, np.zeros_like(force), robot.actuated)
+    found = length_forces(model, model.standard_prior, [still])[Place(LEFT, "rad")]
+    np.testing.assert_allclose(1e-3 * found, force, atol=0.02 * np.abs(force).max())
+
+
+@pytest.mark.parametrize("zero", few_of([0.02, -0.05], 0.02))
+def test_a_zero_that_is_off_is_named_and_what_to_set(robot, model, zero):
+    true = run(robot)
+    there = as_in_the_file(robot, true.motion, zero)
+    found = identify_unjudged(model, Recording.of_motion(there, true.force, robot.actuated))
+    one = clear(found)[0]
+    assert one.zero
+    assert one.number == pytest.approx(zero, rel=0.25)  # Gauss-Newton's first step
+    said = found.findings[0]
+    assert said.title == f"zero of {LEFT} is off"
+    assert said.do == found.verdict.improvement
+    assert f"{{{LEFT}: {-one.number:.3g}}}" in said.do
+    assert "as parameters" not in str(found.verdict)
 
 
 @pytest.mark.parametrize("seed", few_of(range(3), 0))

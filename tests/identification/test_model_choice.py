@@ -41,6 +41,17 @@ def test_slower_and_slower_motion_asks_for_gravity_in_the_end(five_bar):
     np.testing.assert_allclose(shares[1:] / shares[:-1], [1 / 9, 1 / 100], rtol=0.1)
 
 
+def test_a_motor_that_moves_in_one_part_of_a_log_does_not_decide(five_bar):
+    """Others do not determine its friction: errors of a whole part are one error."""
+    models = []
+    for seed in (0, 3):
+        run = run_of(five_bar, 300.0, seed=seed)
+        used = run.used.copy()
+        used[:100, 0] = used[130:, 0] = False
+        models.append(choose_model(five_bar, [replace(run, used=used)]).model)
+    assert models == ["gravity", "gravity"]
+
+
 def test_shares_are_those_of_the_forces_by_cause(five_bar):
     run = run_of(five_bar, 30.0)
     motion = run.motion

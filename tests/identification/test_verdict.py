@@ -112,6 +112,31 @@ def test_it_says_below_which_speed_friction_is_unknown(identified):
     assert "top speed" not in str(none)
 
 
+@pytest.mark.parametrize("limit", [0.0, np.inf, 5.0, 50.0])
+def test_it_says_above_which_speed_friction_is_unknown(identified, limit):
+    found = identified()
+    model = found.force_model.robot.model.copy()
+    model.upperVelocityLimit[:] = limit
+    limited = replace(found.force_model.robot, model=model)
+    verdict = replace(found, force_model=replace(found.force_model, robot=limited)).verdict
+    fastest = min(found.fit.use.fastest)
+    known = 0 < limit < np.inf and fastest < limit
+    assert verdict.fastest == (fastest / limit if known else 1.0)
+    part = loopid.numbers.number(100 * verdict.fastest, 2)
+    assert (f"above {part} % of a speed limit" in str(verdict)) == known
+
+
+def test_a_motor_that_never_moves_is_named_first(identified):
+    found = identified()
+    used = found.data.used.copy()
+    used[:, 1] = False
+    standing = replace(found, data=replace(found.data, used=used))
+    motor = found.data.actuators[1]
+    assert f"with {motor} at standstill" in standing.verdict.use
+    assert standing.findings[0].title == f"{motor} never moves"
+    assert not any("never moves" in each.title for each in found.findings)
+
+
 def of_a_drive(robot, lacking, seed=4):
     """Forces without what the drive of the left crank adds in proportion to its speed."""
     motion = wander(robot, seed, 6.0, 50.0, size=(0.5, 0.5))

@@ -13,7 +13,16 @@ from typer import Argument, Option
 
 from loopid.cli import completion
 from loopid.cli.advice import command_with
-from loopid.cli.robots import FILE, LOGGED_MODEL, MAPPING, TERMS, numbers, of_robot, recordings
+from loopid.cli.robots import (
+    FILE,
+    LOGGED_MODEL,
+    MAPPING,
+    TERMS,
+    commanded_motions,
+    numbers,
+    of_robot,
+    recordings,
+)
 from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
 from loopid.files import require_other_file, write_file
@@ -62,7 +71,9 @@ def identify(
         "prior", help="Unexcited parameters: keep the robot file's values (prior), or an error."
     ),
     reference: list[str] | None = Option(
-        None, metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
+        None,
+        metavar="LOG",
+        help="For iv: commanded positions, one for each LOG, in order; forces are not needed.",
     ),
     cutoff: float | None = CUTOFF,
     fraction: float | None = Option(
@@ -105,14 +116,14 @@ def identify(
     loaded, robot = robot, locked_as_logged(robot, logs[0], mapping=mapping)
     runs = recordings(robot, logs, mapping, cutoff, rows)
     judging = recordings(robot, validate, mapping, cutoff)
-    commanded = recordings(robot, reference, mapping, cutoff)
+    commanded = commanded_motions(robot, reference, mapping, cutoff)
     friction = recordings(robot, friction_log, mapping, cutoff)
     found = identified(
         robot,
         [run.between(start, end) for run in runs],
         validation=judging or None,
         friction=friction,
-        references=[each.motion for each in commanded],
+        references=commanded,
         options=options,
     )
     command = excite_command(found, loaded, logs, mapping)
@@ -336,7 +347,8 @@ def compare(
     twice = next((run for k, run in enumerate(runs) if files[k] in files[:k]), None)
     if twice is not None:
         raise OptionError(f"{twice} is given twice: compare different fits", given=twice)
-    names = [(each.parent if each.name == "parameters.yaml" else each).name for each in files]
+    named = ((each.parent if each.name == "parameters.yaml" else each) for each in files)
+    names = [each.name or each.resolve().name for each in named]  # "." has none
     fits = map(FitFile.read, files)
     known = dict(zip(names if len({*names}) == len(names) else runs, fits, strict=True))
     answer.show(comparison_report(known))

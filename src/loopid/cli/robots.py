@@ -21,7 +21,8 @@ from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
-    from loopid.logs.recording import Recording
+    from loopid.logs.recording import FilterOptions, Recording
+    from loopid.motion.joints import JointMotion
     from loopid.robot.robot import Robot
 
 FILE = Argument(
@@ -399,14 +400,16 @@ def init(
         yaml, mapping = write_in_words(
             file, log, out, options, partial(in_options, context=context)
         )
-    typer.echo(next_commands(yaml, log or "LOG", mapping))
+    # A YAML or a bundled robot is whole already.
+    written = [mapping] if str(yaml) == file else [yaml, mapping]
+    typer.echo(next_commands(yaml, log or "LOG", mapping, written))
 
 
-def next_commands(yaml: object, log: str, mapping: object) -> str:
-    """The commands that follow ``init``."""
+def next_commands(yaml: object, log: str, mapping: object, written: Sequence[object]) -> str:
+    """The commands that follow ``init``, which has written files to fill in."""
     robot, log, mapping = (shlex.quote(str(each)) for each in (yaml, log, mapping))
     return f"""\
-Fill in {robot} and {mapping}. Then:
+Fill in {" and ".join(shlex.quote(str(each)) for each in written)}. Then:
   loopid check {robot}
   loopid view {robot}
   loopid base {robot} --model full
@@ -489,10 +492,30 @@ def recordings(
 ) -> tuple[Recording, ...]:
     """Logs of an option, read and made ready."""
     from loopid.logs.reading import read_recordings
-    from loopid.logs.recording import FilterOptions
 
-    options = FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)
     with progress_bar("assembling") as report:
         return read_recordings(
-            robot, paths or (), mapping, rows=row_range(rows), filter=options, progress=report
+            robot,
+            paths or (),
+            mapping,
+            rows=row_range(rows),
+            filter=_filter(cutoff),
+            progress=report,
         )
+
+
+def commanded_motions(
+    robot: Robot, paths: Sequence[str] | None, mapping: str | None, cutoff: float | None
+) -> tuple[JointMotion, ...]:
+    """Motions of an option, which need no forces."""
+    from loopid.logs.reading import read_commanded
+
+    with progress_bar("assembling") as report:
+        return read_commanded(robot, paths or (), mapping, filter=_filter(cutoff), progress=report)
+
+
+def _filter(cutoff: float | None) -> FilterOptions:
+    """That of a cut-off, or the usual one."""
+    from loopid.logs.recording import FilterOptions
+
+    return FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)

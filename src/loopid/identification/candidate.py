@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, shaped
+from loopid.arguments import FloatArray, IntArray, checked, shaped
 from loopid.identification.correlation import means_of_series
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import Quality
@@ -172,26 +172,33 @@ def _rms_errors(samples: FitSamples, residual: FloatArray) -> FloatArray:
 
 
 def error_ratio(
-    samples: FitSamples, own: FloatArray, other: FloatArray
+    samples: FitSamples, own: FloatArray, other: FloatArray, parts: IntArray | None = None
 ) -> tuple[tuple[float, float], FloatArray]:
     """Mean squared error of predicted forces (N, dof) over that of other ones.
+
+    Parameters
+    ----------
+    parts : IntArray, optional
+        Number (N,) of the part whose errors are alike; by default equal parts of the time.
 
     Returns
     -------
     ratio : tuple of float
         The geometric mean over the motors with samples, and its standard error by the jackknife
-        over segments of time [Efron1982].
+        over the parts [Efron1982]; NaN where a motor has samples in one alone.
     motors : FloatArray
         (dof,), of each; NaN without samples.
     """
-    problem, rows = samples.problem, np.arange(len(samples))
+    problem = samples.problem
+    if parts is None:
+        parts = np.arange(len(samples)) * BATCHES // len(samples)
     least = np.maximum(samples.least_errors, FIT_ROUND_OFF * problem.force_rms) ** 2
-    batches = np.array_split(rows, min(BATCHES, len(rows)))
+    names = np.unique(parts)
 
     def sums(predicted: FloatArray) -> FloatArray:
         """Of squares (B, dof), which are never less than round-off."""
         squares = np.where(samples.used, (samples.force - predicted) ** 2 + least, 0.0)
-        return np.array([squares[batch].sum(axis=0) for batch in batches])
+        return np.array([squares[parts == name].sum(axis=0) for name in names])
 
     def logarithm(parts: tuple[FloatArray, FloatArray]) -> FloatArray:
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -202,7 +209,7 @@ def error_ratio(
     present = np.isfinite(motors)
     ratio = float(np.exp(motors[present].mean())) if present.any() else np.nan
     without = logarithm((A.sum(axis=0) - A, B.sum(axis=0) - B))[:, present]
-    count = len(batches)
+    count = len(names)
     if count < 2 or not np.isfinite(without).all():
         return (ratio, np.nan), np.exp(motors)
     spread = np.std(without.mean(axis=1)) * np.sqrt(count - 1)

@@ -382,7 +382,8 @@ def with_delay_errors(
 
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x. They move the estimates
     by C Σ xᵀ D / σ², with C their covariance. The variance σ² is that of as many independent errors
-    as would determine a mean as well. Of a delay that is not clear all is left (``Delay.left``).
+    as would determine a mean as well. C counts no wider than Σ xᵀ x / σ² makes it: what else widens
+    it moves no estimate. Of a delay that is not clear all is left (``Delay.left``).
 
     Parameters
     ----------
@@ -393,9 +394,18 @@ def with_delay_errors(
     if noise is None or not late.shape[2]:
         return fit
     counts = np.maximum(noise.samples, 1) * np.where(noise.deviation > 0, noise.deviation, 1.0) ** 2
-    weights = data.used * np.nan_to_num(noise.effective_samples / counts)
-    weighed = weights[:, :, None] * late
-    moved = fit.covariance @ np.einsum("tij,tik->jk", data.regressor, weighed, optimize=True)
+    weights, n = np.nan_to_num(noise.effective_samples / counts), len(fit.values)
+    weighed = (data.used * weights)[:, :, None] * late
+    pushed = np.einsum("tij,tik->jk", data.regressor, weighed, optimize=True)
+    R = data.problem.weighted(np.sqrt(weights))[:n, :n]
+    with one_blas_thread():
+        errors = fit.standard_errors
+        scale = np.where(errors > 0, errors, 1.0)
+        squares, turn = np.linalg.eigh(fit.covariance / np.outer(scale, scale))
+        root = scale[:, None] * turn * np.sqrt(np.maximum(squares, 0.0))
+        informed, turn = np.linalg.eigh((R @ root).T @ (R @ root))
+        root = root @ turn / np.sqrt(np.maximum(informed, 1.0))
+        moved = root @ (root.T @ pushed)
     return replace(fit, covariance=fit.covariance + moved @ moved.T)
 
 

@@ -33,7 +33,7 @@ from loopid.identification.force_models import ForceModel
 from loopid.identification.friction_curves import friction_summary, of_friction, turning_friction
 from loopid.identification.hysteresis import POSSIBLE, RESOLVED, possible_hysteresis, slip_evidence
 from loopid.identification.problem import FitSamples
-from loopid.identification.quality import MotorUse, NoiseModel, TermDeviations
+from loopid.identification.quality import MotorUse, NoiseModel, TermDeviations, fit_quality
 from loopid.identification.result import Fit
 from loopid.identification.ripple import ripple_columns
 from loopid.logs.recording import Recording
@@ -62,6 +62,9 @@ ROUNDS = 2
 SPREAD, MOST_AT_REST = 0.05, 0.75
 # Terms of a group that the data determine, below which it has no effect.
 NO_EFFECT = 0.01
+# Errors of a motor with friction that dissipates, over those of all parameters, from which it may
+# drive. A force that the model lacks is taken for such friction, too: errors are 1.0 times those.
+MUCH_WORSE = 2.0
 
 
 def motor_use(
@@ -89,12 +92,17 @@ def allowing_drives(
 ) -> tuple[ForceModel, tuple[str, ...]]:
     """The model with friction that may drive, where that of some motors does; and these.
 
-    As the fit of all parameters says. What one drive adds to its force, others may add, too, which
-    show it less. Terms that were chosen by name are friction, which does not drive.
+    As the fit of all parameters says, where solid bodies with friction that dissipates err twice
+    as much. What one drive adds to its force, others may add, too, which show it less. Terms
+    that were chosen by name are friction, which does not drive.
     """
     turning = turning_friction(replace(whole, use=motor_use(force_model, data, recordings)))
-    free = bool(turning) and force_model.automatic
-    return replace(force_model, free_friction=free), turning
+    if turning:
+        standard = consistent_parameters(force_model, data, whole.require_noise())
+        dissipating = fit_quality(data.problem, force_model.base.values(standard)).residual_rms
+        worse = dissipating > MUCH_WORSE * fit_quality(data.problem, whole.values).residual_rms
+        turning = tuple(joint for joint in turning if worse[data.actuators.index(joint)])
+    return replace(force_model, free_friction=bool(turning) and force_model.automatic), turning
 
 
 def curve_rates(slowest: float, fastest: float) -> FloatArray:

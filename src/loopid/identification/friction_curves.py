@@ -34,9 +34,8 @@ from loopid.regressors.joint_laws import (
 DOUBT = 0.25
 LINE_POINTS = 200  # rates that a line is fitted at
 # Part of a motor's largest force that friction must drive with at one speed, and brake with at
-# another; and times the half 95 % intervals. A force that the model lacks is taken for friction,
-# too, clear of its interval: 1.4 to 2.3 times.
-TURNS, CLEARLY = 0.1, 4.0
+# another.
+TURNS = 0.1
 
 
 @record
@@ -108,9 +107,7 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     rate = finite(rates, "rates")
     if rate.ndim != 1:
         raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
-    state = fit.joint_terms.state(JointState(None, rate, None))
-    terms = [joint_term(fit.parameters[j].kind) for j in columns]
-    laws = np.stack([term.signal(state, len(rate)) for term in terms], axis=1)
+    laws = _laws(fit, joint, rate)
     doubt = friction_doubt(fit, joint, rate, np.abs(laws @ fit.values[columns]))
     values, reach = with_reach(fit, columns, laws, doubt)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
@@ -124,7 +121,7 @@ class FrictionSummary(Tabular):
     ----------
     joints : tuple of str
     coulomb, viscous : tuple of Estimate
-        Of the line that the curve goes on as.
+        Of the line that the curve goes on as; None where it differs by direction.
     standstill : tuple of Estimate
         How much more there is at standstill than the line's Coulomb friction.
     load : tuple of Estimate
@@ -174,14 +171,15 @@ def friction_summary(fit: Estimates) -> FrictionSummary:
     """
     loaded = (each.link for each in fit.parameters if each.kind == "Ft")
     joints = dict.fromkeys((*frictional_joints(fit), *loaded))
-    places = {each.label: j for j, each in enumerate(fit.parameters)}
+    # Of one direction alone, as Fc+, none is that of the joint.
+    places = {(e.link, e.kind.partition("~")[0]): j for j, e in enumerate(fit.parameters)}
     every = fit.estimates
 
-    def of(joint: str, beginning: str) -> Estimate | None:
-        found = [j for label, j in places.items() if label.startswith(f"{joint}.{beginning}")]
-        return every[found[0]] if found else None
+    def of(joint: str, kind: str) -> Estimate | None:
+        place = places.get((joint, kind))
+        return None if place is None else every[place]
 
-    kinds = "Fc", "Fv", "Fk0~", "Ft"
+    kinds = "Fc", "Fv", "Fk0", "Ft"
     return FrictionSummary(
         tuple(joints), *(tuple(of(joint, kind) for joint in joints) for kind in kinds)
     )
@@ -191,28 +189,40 @@ def turning_friction(fit: Estimates) -> tuple[str, ...]:
     """Motors whose friction clearly brakes at low speed and drives at high speed, or turned.
 
     No friction does that. A recorded force looks like this where the drive adds another that grows
-    with speed, or takes it off. A wrong sign does not.
+    with speed, or takes it off, or where the model lacks a force. A wrong sign does not.
     """
     found = []
     for joint in frictional_joints(fit):
         if fit.use is not None and joint in fit.use.joints:
             friction, reach = friction_at_ends(fit, joint)
-            clear = np.abs(friction) > np.maximum(TURNS, CLEARLY * reach)
+            clear = np.abs(friction) > np.maximum(TURNS, reach)
             if clear.all() and np.prod(friction) < 0:
                 found.append(joint)
     return tuple(found)
 
 
 def friction_at_ends(fit: Estimates, joint: str) -> tuple[FloatArray, FloatArray]:
-    """Friction of a motor both ways (2,), slow and fast, and its half 95 % intervals.
+    """Friction of a motor both ways (2,), slow and fast, and twice its standard errors.
 
-    In parts of its largest force, at the ends of the rates that it was fitted at.
+    In parts of its largest force, at the ends of the rates that it was fitted at. Errors of assumed
+    terms are infinite.
     """
     assert fit.use is not None
     rates, largest = np.array(fit.use.of(joint)), fit.use.largest[fit.use.joints.index(joint)]
-    forwards, backwards = (friction_curve(fit, joint, way * rates) for way in (1.0, -1.0))
-    reach = np.hypot(np.ptp(forwards.band, axis=1), np.ptp(backwards.band, axis=1)) / 4
-    return (forwards.values - backwards.values) / 2 / largest, reach / largest
+    columns = friction_columns(fit, joint)
+    both = [_laws(fit, joint, way * rates) for way in (1.0, -1.0)]
+    laws = (both[0] - both[1]) / 2
+    variance = np.sum(laws @ fit.covariance[np.ix_(columns, columns)] * laws, axis=1)
+    if {*fit.parameters.select(columns).names} & {*fit.assumed}:
+        variance = np.full(len(laws), np.inf)
+    return laws @ fit.values[columns] / largest, 2 * np.sqrt(variance) / largest
+
+
+def _laws(fit: Estimates, joint: str, rates: FloatArray) -> FloatArray:
+    """Forces (k, n) of the friction terms of a joint per unit, at rates (k,)."""
+    state = fit.joint_terms.state(JointState(None, rates, None))
+    terms = [joint_term(fit.parameters[j].kind) for j in friction_columns(fit, joint)]
+    return np.stack([term.signal(state, len(rates)) for term in terms], axis=1)
 
 
 def friction_doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:

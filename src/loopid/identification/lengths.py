@@ -1,13 +1,15 @@
-"""What lengths of the robot file that are off would do to the forces.
+"""What lengths of the robot file that are off, or zeros of motors, would do to the forces.
 
-Bodies take up most of it, as a link that is longer moves a body further. What is left gives the
-length.
+Bodies take up most of it, as a link that is longer moves a body further, and one that is turned has
+its centre of mass elsewhere. What is left gives the length, or the zero.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -25,10 +27,17 @@ PART = 1e-4  # by which a length is changed, for its derivative
 LEAST = 1e-6  # of the forces, and of the robot's length: less is none
 
 
+class Place(NamedTuple):
+    """The joint or frame at the end of a length, or a motor with a zero in a unit."""
+
+    name: str
+    unit: str = ""
+
+
 def length_forces(
     force_model: ForceModel, standard: FloatArray, recordings: Sequence[Recording]
-) -> dict[str, FloatArray]:
-    """Forces (N, dof) per part of each length that makes some, by the joint or frame at its end.
+) -> dict[Place, FloatArray]:
+    """Forces (N, dof) per part of each length that makes some, and per rad or m of each zero.
 
     None of a robot with coordinates that motors leave free: these were measured. ``standard`` are
     parameters of the force model that begin with those of the bodies.
@@ -42,15 +51,15 @@ def length_forces(
         parts = [_forces(other, run, force_model.model) @ bodies for run in recordings]
         return np.concatenate(parts)
 
-    usual, found = forces(robot), dict[str, FloatArray]()
-    for place, other in _changed(robot):
+    usual, found = forces(robot), dict[Place, FloatArray]()
+    for place, other in chain(_changed(robot), _turned(robot)):
         column = (forces(other) - usual) / PART
         if np.linalg.norm(column) > LEAST * np.linalg.norm(usual):
             found[place] = column
     return found
 
 
-def _changed(robot: Robot) -> Iterator[tuple[str, Robot]]:
+def _changed(robot: Robot) -> Iterator[tuple[Place, Robot]]:
     """The robot with each length that is not zero changed: to a joint, or a frame of a closure."""
     ends = sorted({frame for closure in robot.closures for frame in closure.frame_ids})
     joints = range(1, robot.model.njoints)
@@ -63,7 +72,20 @@ def _changed(robot: Robot) -> Iterator[tuple[str, Robot]]:
         place = placement(model)
         if np.linalg.norm(place.translation) > LEAST * robot.length:
             place.translation = (1 + PART) * place.translation
-            yield name, replace(robot, model=model)
+            yield Place(name), replace(robot, model=model)
+
+
+def _turned(robot: Robot) -> Iterator[tuple[Place, Robot]]:
+    """The robot at positions that are less, of each motor with one coordinate."""
+    for name in robot.actuated:
+        model, joint = robot.model.copy(), robot.joint(name)
+        if joint.nv == 1:
+            data, neutral = joint.createData(), pin.neutral(model)
+            joint.calc(data, neutral[joint.idx_q : joint.idx_q + joint.nq])
+            place = model.jointPlacements[joint.id]
+            model.jointPlacements[joint.id] = place * pin.exp6(pin.Motion(-PART * np.ravel(data.S)))
+            slides = joint.idx_v in robot.prismatic
+            yield Place(name, "m" if slides else "rad"), replace(robot, model=model)
 
 
 def _forces(robot: Robot, run: Recording, model: str) -> FloatArray:

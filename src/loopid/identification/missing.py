@@ -2,15 +2,15 @@
 
 Friction by evidence is a part of the default model. Beside it, a motor may show waves over its
 position (teeth, poles) or a spring. Friction may drift as oil warms up, or differ by direction.
-Other motors may show through its gear. Lengths of the robot file may be off. Each is a few columns
-beside those of the fit. What they explain of the residuals is tested by F, with errors that are
-autocorrelated. Bonferroni counts all that is tried. Motors are alike, so that a law is tested for
-all of them, too. What is likely is tested again, with what all columns take up of the errors added
-back to these. A clear force that saves errors on segments left out, or moves estimates by more than
-they are known to, is named. It is not added. Intervals hold the bias that it makes. A weak spring
-looks like gravity, and moves estimates of bodies far. Intervals hold the bias of one that is
-likely, though not clear. How much would not show at all is said; intervals hold without such a
-spring.
+Other motors may show through its gear. Lengths of the robot file may be off, and zeros. Each is a
+few columns beside those of the fit. What they explain of the residuals is tested by F, with errors
+that are autocorrelated. Bonferroni counts all that is tried. Motors are alike, so that a law is
+tested for all of them, too. What is likely is tested again, with what all columns take up of the
+errors added back to these. A clear force that saves errors on segments left out, or moves estimates
+by more than they are known to, is named. It is not added. Intervals hold the bias that it makes. A
+weak spring looks like gravity, and moves estimates of bodies far. Intervals hold the bias of one
+that is likely, though not clear. How much would not show at all is said; intervals hold without
+such a spring.
 """
 
 from __future__ import annotations
@@ -66,16 +66,16 @@ DEPENDENT = 1e-6  # part of a column beside the fit's below which it adds nothin
 
 @record
 class MissingForce:
-    """A force of a motor that the model lacks, or a length of the robot file that is off.
+    """A force of a motor that the model lacks; or a length of the robot file, or zero, that is off.
 
     Attributes
     ----------
     motor : str
-        Empty of a length.
+        Empty of a length or zero.
     law : str
-        What it depends on, in words; of a length, where that is.
+        What it depends on, in words; of a length, where that is, of a zero the motor.
     size : float
-        Root mean square in N or N m, of a length over all motors.
+        Root mean square in N or N m, of a length or zero over all motors.
     share : float
         The same, in parts of the motor's force.
     chance : float
@@ -94,9 +94,10 @@ class MissingForce:
     term : str
         Kind of the joint term that it is; empty where there is none.
     number : float
-        Of waves, or a spring's stiffness; 0 for other laws. Of a length the part that is missing.
+        Of waves, or a spring's stiffness; 0 for other laws. Of a length the part that is missing,
+        of a zero how far it is off.
     unit : str
-        Of these.
+        Of these; none of a length.
     """
 
     motor: str
@@ -120,6 +121,11 @@ class MissingForce:
         return saves or self.moved > (HIDES if self.certainty == "hidden" else MOVES)
 
     @property
+    def zero(self) -> bool:
+        """Whether it is a zero of a motor that is off."""
+        return bool(not self.motor and self.unit)
+
+    @property
     def effect(self) -> str:
         """What it does, in words: to errors on segments left out, or to estimates."""
         if self.left < HELPS:
@@ -130,7 +136,7 @@ class MissingForce:
 def missing_findings(missing: Sequence[MissingForce]) -> tuple[Finding, ...]:
     """Those of one law together, the largest first; none of a length that is hardly off."""
     laws = dict[tuple[str, str], list[MissingForce]]()
-    for each in sorted(missing, key=lambda each: -each.share):
+    for each in sorted(missing, key=lambda each: (each.motor != "", -each.share)):
         if not each.motor and abs(each.number) < LEAST_OFF:
             continue
         laws.setdefault((each.law, each.certainty), []).append(each)
@@ -141,6 +147,9 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
     first, clear = alike[0], alike[0].certainty == "clear"
     severity: Severity = "warning" if clear else "note"
     perhaps, allowed = ("", "") if clear else (" perhaps", "; intervals allow for it")
+    if first.zero:
+        off = f"by {first.number:.3g} {first.unit}; {first.effect}{allowed}"
+        return Finding(severity, f"zero of {first.law} is{perhaps} off", off, first.do)
     if not first.motor:
         return Finding(
             severity,
@@ -205,6 +214,7 @@ def _curve(own: _Motor, _: float) -> list[FloatArray]:
     return [way * np.sqrt(size), own.rate * size, way * np.exp(-((own.rate / slow) ** 2))]
 
 
+MEND_ZERO = "set position_offset: {{{}: {}}} in the mapping, plus one that it has"
 MEASURE = "measure the links, or take their lengths from a calibration"
 WAVES = _Law(
     "waves over position",
@@ -258,9 +268,10 @@ def missing_forces(
 ) -> tuple[MissingForce, ...]:
     """What each motor shows beside a fit of recordings: the likeliest force that is clear, if any.
 
-    Where none is, a spring that is likely, or would not show. Or lengths of the robot file that are
-    off, where that is likelier than any force. The fit is of all parameters of the force model.
-    What is left of the delay is fitted beside: it looks like lengths, and like other motors.
+    Where none is, a spring that is likely, or would not show. Or lengths of the robot file, or a
+    zero, that are off, where that is likelier than any force. The fit is of all parameters of the
+    force model. What is left of the delay is fitted beside: it looks like lengths, and like other
+    motors.
     """
     if fit.result.noise is None:
         return ()
@@ -293,7 +304,7 @@ def _in_time(fit: WorkingFit, recordings: Sequence[Recording], delay: Delay | No
 def _wrong_length(
     fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording], families: int
 ) -> MissingForce | None:
-    """The likeliest length of the robot file that is off, if one clearly or likely is.
+    """The likeliest length of the robot file, or zero, that is off, if one clearly or likely is.
 
     Of evenly spread samples: more hardly add what is independent, and loops are closed for each.
     """
@@ -314,24 +325,31 @@ def _wrong_length(
     test = _Test(fit, len(force_model.parameters))
     lengths = length_forces(force_model, standard, runs)
     tried = {place: test.of(force[:, :, None]) for place, force in lengths.items()}
-    if not tried:
+    # What is set must be clear: a zero that is only likely is none.
+    most = FALSE_ALARM / (families * max(len(tried), 1))
+    worth = [place for place in tried if not place.unit or tried[place].chance < most]
+    if not worth:
         return None
-    place = min(tried, key=lambda each: tried[each].chance)
+    place = min(worth, key=lambda each: tried[each].chance)
     best = tried[place]
-    if abs(best.x[0]) > MOST_OFF:
+    if not place.unit and abs(best.x[0]) > MOST_OFF:
         return None
     least = best.chance if best.chance >= FALSE_ALARM else test.confirmed(best.columns)
     if (least := len(tried) * least) >= FALSE_ALARM:
         return None
-    clear = families * least < FALSE_ALARM and abs(best.x[0]) >= LEAST_OFF
+    size = float(f"{best.x[0]:.3g}")
+    clear = families * least < FALSE_ALARM and abs(size) >= LEAST_OFF
+    if place.unit and not clear:
+        return None
     return test.missing(
         best,
         motor="",
-        law=place,
+        law=place.name,
         chance=families * least if clear else least,
-        do=MEASURE,
+        do=MEND_ZERO.format(place.name, -size) if place.unit else MEASURE,
         certainty="clear" if clear else "likely",
-        number=float(best.x[0]),
+        number=size,
+        unit=place.unit,
     )
 
 

@@ -20,7 +20,7 @@ from loopid.identification.delay import drive_columns
 from loopid.identification.estimator import UNKNOWN, nearest_to_file
 from loopid.identification.force_models import AUTOMATIC
 from loopid.identification.information import body_sizes
-from loopid.identification.leaving_out import LeftOut
+from loopid.identification.leaving_out import LeftOut, segments_of
 from loopid.identification.problem import FitSamples
 from loopid.kinematics.projection import ClosedMotion
 from loopid.logs.recording import Recording
@@ -35,7 +35,7 @@ UNLOGGED = "gravity"  # where nothing is logged
 # What is fitted of each motor beside the bodies, as of ``drive_columns``; inertia in a full model.
 DRIVES = {"gravity": ("Fc", "Fv", "Fo"), "full": ("Fc", "Fv", "Fo", "Ia")}
 SAMPLES = 2000  # that are looked at, evenly spread
-CLEAR = 2.0  # standard errors
+CLEAR, SURE = 2.0, 3.0  # standard errors; those that a factor above 1 takes
 LITTLE = 0.5  # of the robot file's inertia: bodies are off by less
 BLOCKS = 20  # of time, whose errors count as independent of each other
 
@@ -76,7 +76,7 @@ class ModelChoice:
     @property
     def shown(self) -> bool:
         """Whether the recordings distinguish inertia from none: the robot file's, or their own."""
-        return CLEAR * self.factor_error < max(1.0, self.factor)
+        return CLEAR * self.factor_error < 1.0 or SURE * self.factor_error < self.factor
 
     @property
     def lacking(self) -> bool:
@@ -123,10 +123,11 @@ def _percent(part: float) -> str:
 def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     """Choose the model that recordings need.
 
-    The full one, unless two conditions hold. A factor of the file's inertia is not clear of zero,
-    and its standard error is above 0.5; or it is clearly below 0.5. Fitted inertia of bodies and
-    rotors predicts segments left out no better. Errors count as alike within blocks of time, and as
-    independent between them (sandwich covariance).
+    The full one, unless two conditions hold. A factor of the file's inertia is within three
+    standard errors of zero, which are above 0.5; or it is clearly below 0.5. Fitted inertia of
+    bodies and rotors predicts segments left out no better, by two standard errors over segments.
+    Errors of the factor count as alike within blocks of time, and as independent between them
+    (sandwich covariance).
 
     Parameters
     ----------
@@ -164,7 +165,9 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
         predicted = {model: fit.left_out(runs) for model, fit in fits.items()}
         # Rows between those that are looked at add information, if not quite as much.
         factor, error = _factor(gravity, inertia, full)
-    (ratio, spread), _ = error_ratio(full.samples, predicted["full"], predicted["gravity"])
+    # What is left out together errs alike: by one fit to the rest.
+    parts = segments_of(full.samples)
+    (ratio, spread), _ = error_ratio(full.samples, predicted["full"], predicted["gravity"], parts)
     found = ModelChoice(
         "gravity",
         full.samples.actuators,

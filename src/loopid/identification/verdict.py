@@ -19,6 +19,7 @@ from loopid.logs.preparing import encoder_faults
 from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
+from loopid.robot.robot import Robot
 
 # Error on new data as a part of a motor's force, in the root mean square, that a controller's
 # feedforward can be built on; up to ROUGH it still profits.
@@ -72,6 +73,9 @@ class Verdict:
     slowest : float
         Part of its fastest rate in the logs from which on friction of every motor is known; 0
         without friction.
+    fastest : float
+        Part of the speed limit of the robot file that each motor has reached in the logs, at least;
+        1 without limits.
     """
 
     use: str
@@ -87,6 +91,7 @@ class Verdict:
     mistake: Finding | None = None
     where: str = "whole"
     slowest: float = 0.0
+    fastest: float = 1.0
 
     @classmethod
     def of(cls, found: Outcome) -> Verdict:
@@ -111,6 +116,7 @@ class Verdict:
             mistake,
             where,
             _slowest(found.fit),
+            _fastest(found.fit, found.force_model.robot),
         )
 
     def __str__(self) -> str:
@@ -155,9 +161,11 @@ class Verdict:
     @property
     def _when_slow(self) -> str:
         """Speeds at which friction is unknown; empty without friction."""
-        part = number(100 * self.slowest, 1)
-        said = f" Friction below {part} % of a motor's top speed is unknown."
-        return said * bool(self.slowest)
+        if not self.slowest:
+            return ""
+        part, limit = number(100 * self.slowest, 1), number(100 * self.fastest, 2)
+        above = f", or above {limit} % of a speed limit," * (self.fastest < 1)
+        return f" Friction below {part} % of a motor's top speed{above} is unknown."
 
 
 # What judged, in words.
@@ -177,6 +185,17 @@ def _slowest(fit: Fit) -> float:
     """
     ends = (fit.rates_of(joint) for joint in frictional_joints(fit))
     return max((slowest / fastest for slowest, fastest in filter(None, ends)), default=0.0)
+
+
+def _fastest(fit: Fit, robot: Robot) -> float:
+    """Part of its speed limit up to which friction of every motor is known; 1 without limits."""
+    parts = [1.0]
+    for joint in frictional_joints(fit):
+        limit = float(robot.model.upperVelocityLimit[robot.velocity_indices([joint])[0]])
+        ends = fit.rates_of(joint)
+        if ends is not None and 0 < limit < np.inf:  # zero stands for none, as exporters write it
+            parts.append(ends[1] / limit)
+    return min(parts)
 
 
 def _better(found: Outcome) -> Finding | None:
@@ -219,6 +238,8 @@ def _use(found: Outcome, error: float) -> str:
     if not error <= ROUGH:
         return f"{NOT_FIT}, as {found.singular.title}" if found.singular else NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
+    if standing := _standing(found):
+        use += f" with {first_of(standing, NAMED)} at standstill"
     model = _of_model(found)
     if model is not None and model.severity == "note" and found.choice is not None:
         use += f" of slow motion (inertia is at most {100 * found.choice.share:.2g} % of them)"
@@ -267,6 +288,26 @@ def _noisy(found: Outcome) -> tuple[str, float] | None:
     return found.data.actuators[worst], float(ratios[worst])
 
 
+def _standing(found: Outcome) -> tuple[str, ...]:
+    """Motors that never move in the data."""
+    still = np.flatnonzero(~np.any(found.data.used, axis=0))
+    names = (found.data.actuators[k] for k in still)
+    return tuple(name for name in names if name in found.force_model.robot.actuated)
+
+
+def _of_standing(found: Outcome) -> Finding | None:
+    """What the data cannot say of motors that stand."""
+    standing = _standing(found)
+    if not standing:
+        return None
+    return Finding(
+        "warning",
+        f"{first_of(standing, NAMED)} never moves",
+        "nothing is known of its friction, nor of the forces at its other positions",
+        "record a motion that moves it; if it did move, its column of positions is dead",
+    )
+
+
 def _model_findings(found: Outcome) -> Iterator[Finding]:
     """What the model lacks, and where the data do not decide."""
     model = _of_model(found)
@@ -304,6 +345,9 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
         return (), model.do
     for wrong in _wrong(found):
         return (), wrong.do
+    for lacking in found.missing:
+        if lacking.zero and lacking.certainty == "clear":
+            return (), lacking.do
     excite = found.identifiability.leads or _least_known(found)
     least = " and ".join(excite[:LEAST_CERTAIN])
     return excite, f"excite the least certain, {least}" if excite else "record a longer log"
@@ -313,6 +357,8 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
     """What to know beside the numbers."""
     for one in found.log_faults:
         yield from one.findings
+    standing = _of_standing(found)
+    yield from () if standing is None else (standing,)
     yield from _wrong(found)
     yield from _of_encoders(found)
     yield from _model_findings(found)

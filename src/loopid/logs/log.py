@@ -559,6 +559,7 @@ def _by_field(aligned: Aligned, wrenches: Sequence[ExternalWrench]) -> dict[str,
     del found["signals"]
     placed = (replace(one, values=signals[wrench_name(k)]) for k, one in enumerate(wrenches))
     found |= {name: signals[name] for name in signals if name in QUANTITIES}
+    found.setdefault("force", np.zeros_like(signals["position"]))  # of a commanded motion
     prefix = free_name("")
     free = {n.removeprefix(prefix): signals[n] for n in signals if n.startswith(prefix)}
     return {**found, "wrenches": tuple(placed), "free": free}

@@ -26,6 +26,7 @@ from loopid.logs.preparing import prepare
 from loopid.logs.recording import FilterOptions, Recording
 from loopid.logs.signals import ColumnFinder
 from loopid.logs.table import LogFormat, numbers_in, stream_name
+from loopid.motion.joints import JointMotion
 from loopid.progress import Progress
 from loopid.registry import log_formats
 from loopid.robot.robot import Robot
@@ -91,14 +92,30 @@ def read_log(
     >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 segment>
     """
+    return _read(path, robot, mapping, rows)
+
+
+def _read(
+    path: str | Path,
+    robot: Robot,
+    mapping: LogMapping | str | Path | None,
+    rows: tuple[int, int | None] | None = None,
+    *,
+    forces: bool = True,
+) -> Log:
+    """A log; without ``forces`` those of a log are passed over, and none are zeros."""
     file = nullcontext() if isinstance(mapping, LogMapping | None) else placing(Path(mapping))
     with file:
         mapping = mapping_of(mapping)
+        if not forces:
+            mapping = mapping.model_copy(update={"wrenches": []})
         require_known_motion(robot, mapping.free)
         place = _existing(path)
         for wrench in mapping.wrenches:
             frame_index(robot, wrench.frame)
-        found = read_streams(place, robot.actuated, mapping, rows=rows, locked=robot.locked)
+        found = read_streams(
+            place, robot.actuated, mapping, rows=rows, locked=robot.locked, forces=forces
+        )
         streams = [check_stream(robot, stream) for stream in found]
         check_moving(streams)
         name = stream_name(place.resolve())
@@ -122,6 +139,20 @@ def read_recordings(
     return tuple(prepare(robot, log, filter=filter, progress=progress) for log in logs)
 
 
+def read_commanded(
+    robot: Robot,
+    paths: Sequence[str | Path],
+    mapping: LogMapping | str | Path | None = None,
+    *,
+    filter: FilterOptions = FilterOptions(),  # noqa: A002
+    progress: Progress | None = None,
+) -> tuple[JointMotion, ...]:
+    """Commanded motions of logs, which need no forces, filtered as measured ones are."""
+    logs = (_read(path, robot, mapping, forces=False) for path in paths)
+    runs = (prepare(robot, log, filter=filter, progress=progress) for log in logs)
+    return tuple(run.motion for run in runs)
+
+
 def _existing(path: str | Path) -> Path:
     """A log that is there."""
     require_name(path, "the log")
@@ -141,6 +172,7 @@ def read_streams(
     *,
     rows: tuple[int, int | None] | None = None,
     locked: Mapping[str, float | None] | None = None,
+    forces: bool = True,
 ) -> list[Stream]:
     """The streams of the motors, that of the first position first; of it, only some ``rows``."""
     if rows is not None and (rows[0] < 1 or (rows[1] is not None and rows[1] < rows[0])):
@@ -159,7 +191,7 @@ def read_streams(
             tolerance=LOCKED,
         )
     streams: list[Stream] = []
-    channels_of = finder.channels(mapping.measured(source, joints))
+    channels_of = finder.channels(mapping.measured(source, joints), forces=forces)
     delays = mapping.stream_delays(source, joints, [*channels_of])
     for name, channels in channels_of.items():
         time = finder.time(name)

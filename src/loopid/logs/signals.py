@@ -262,13 +262,17 @@ class ColumnFinder:
     choice: str | None = None  # the key of the mapping that chooses among the streams
     _times: dict[str, TimeColumn] = field(default_factory=dict)  # that were found
 
-    def channels(self, joints: tuple[str, ...]) -> dict[str, list[Channel]]:
-        """The columns of all quantities by stream, that of the first position first."""
+    def channels(self, joints: tuple[str, ...], *, forces: bool = True) -> dict[str, list[Channel]]:
+        """The columns of all quantities by stream, that of the first position first.
+
+        Without ``forces`` there may be none, as of motions that are commanded.
+        """
         found: dict[Place, Channel] = {}
         wanted = [
             quantity
             for quantity in QUANTITIES
-            if quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None
+            if (quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None)
+            and (forces or quantity != "force")
         ]
         of_motors = (self._channels_of(quantity, joints) for quantity in wanted)
         for place, channel in chain(*of_motors, self._wrenches(), self._free()):

@@ -8,32 +8,33 @@ const char *const @NAME@_parameter_expressions[] = {@PARAMETER_EXPRESSIONS@};
 static const double reference_q[] = {@REFERENCE_Q@};
 static const double reference_u[] = {@REFERENCE_U@};
 
-/* G, factors, residual and pivots at q. Returns the length of the Newton step from there to better. */
-static double linearise(struct @NAME@_state *state, double *better) {
+/* G, factors, residual, pivots and left at q, where the Newton step from there leads to better. */
+static void linearise(struct @NAME@_state *state, double *better) {
   const double *arguments[] = {state->q};
   double measures[3], *results[] = {state->G, state->factors, better, measures};
   @NAME@_casadi_linearise(arguments, results, 0, 0, 0);
   state->residual = measures[0];
   state->pivots = measures[2];
-  return measures[1];
+  state->left = measures[1];
 }
 
 /* Along the tangent a part of the way to u, then Newton's method. The state changes only where this
-   contracts from the first step on: then the root is the one on its branch (Kantorovich). */
+   contracts from the first step on, but for what the last sample left: then the root is the one on its
+   branch (Kantorovich). */
 static int advance(struct @NAME@_state *state, const double *u, double part) {
   struct @NAME@_state next = *state;
   const double *arguments[] = {state->q, state->u, u, &part, state->G};
-  double better[@GUARD@_NQ], length, longest, *results[] = {next.q, next.u, &length};
+  double better[@GUARD@_NQ], longest, *results[] = {next.q, next.u, &next.left};
   int k;
   @NAME@_casadi_predict(arguments, results, 0, 0, 0);
   longest = @LONGEST_STEP@;
   for (k = 0; k <= @GUARD@_NEWTON_STEPS; ++k) {
-    if (!(length <= longest)) return @GUARD@_NOT_REACHED;
-    longest = @CONTRACTION@ * length + @SHORT@;
-    length = linearise(&next, better);
+    if (!(next.left <= longest)) return @GUARD@_NOT_REACHED;
+    longest = @CONTRACTION@ * next.left + (k ? 0.0 : state->left) + @SHORT@;
+    linearise(&next, better);
     if (k < @GUARD@_NEWTON_STEPS) memcpy(next.q, better, sizeof better);
   }
-  if (!(length <= longest && next.residual <= @CLOSED@)) return @GUARD@_NOT_REACHED;
+  if (!(next.left <= longest && next.residual <= @CLOSED@)) return @GUARD@_NOT_REACHED;
   {
     const double *ways[] = {state->q, next.q, state->slip};
     double *slid[] = {next.slip};

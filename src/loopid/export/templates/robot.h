@@ -68,6 +68,7 @@ struct @NAME@_state {
   double G[@COUPLED@]; /* rates of the other joints per unit of each motor's */
   double factors[@FACTORS@]; /* of the closures' Jacobian */
   double residual; /* of the closures, in m */
+  double left; /* Newton step that is left, in rad or lengths of the robot */
   double pivots; /* of that Jacobian, least over largest: 0 at a singularity */
   double slip[@SLIPS@]; /* from -1 to 1, how far friction has built up since a joint turned back */
   /* Of the last call of the observer; none at first. */
