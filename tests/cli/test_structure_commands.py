@@ -84,6 +84,7 @@ def test_every_search_and_criterion_answers_and_none_beats_the_exact_one(
         assert exact["condition_number"] <= found["condition_number"] * (1 + 1e-9)
 
 
+@pytest.mark.validate
 def test_a_seed_gives_the_same_answer_again(run_json):
     file = str(URDF / "four_bar.yaml")  # loaded anew
     first, second = (run_json("base", file, "--seed", "7") for _ in range(2))
@@ -359,6 +360,7 @@ def test_a_model_of_others_is_checked(run_json, shared):
     assert len(record["undetermined"]) == int(ROWS["mjcf/robotiq_2f85.xml"]["left free"])
 
 
+@pytest.mark.validate
 def test_a_level_robot_has_no_parameters_at_rest(run, shared):
     done = run("base", path(shared, LEVEL))
     assert (done.code, done.out) == (2, "")

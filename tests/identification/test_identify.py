@@ -313,6 +313,7 @@ def test_an_industrial_robot_is_identified(robot_data, load_once):
     assert not judge_essential(found, eliminate(found)).beats_baseline
 
 
+@pytest.mark.validate
 def test_the_full_model_tells_a_changed_drive_of_a_closed_loop(knee):
     kinds = ("Ia", "Fc", "Fv")
     terms = JointTerms(knee.actuated, kinds)
