@@ -34,7 +34,11 @@ def test_a_number_out_of_range_is_named(values, place, wrong):
 
 
 @pytest.mark.parametrize(
-    "wrong", [["1"], [1j], [None], [[1], [1, 2]], [10**400], np.array(["2020"], "M8[D]"), [b"1"]]
+    "wrong",
+    [
+        *(["1"], [1j], [None], [[1], [1, 2]], [10**400], np.array(["2020"], "M8[D]"), [b"1"]),
+        *([True], [1.0, True, None], np.array([True, False])),
+    ],
 )
 def test_what_numpy_would_read_as_numbers_is_refused(wrong):
     with pytest.raises(DataError, match=r"^values must be"):

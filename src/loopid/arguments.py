@@ -56,8 +56,8 @@ def _array(kinds: str, what: str, *, frames: bool = False) -> PlainValidator:
         if frames and hasattr(given, "columns"):
             return given
         # Tables of several types give arrays of objects, which may be numbers.
-        plain = type(given) is np.ndarray and given.dtype != object
-        values = given if plain else _real(given, "", NoneType)
+        plain = kinds == "b" or (type(given) is np.ndarray and given.dtype != object)
+        values = rectangular(given, "") if plain else _real(given, "", NoneType)
         if values.dtype.kind not in kinds and values.size:
             values = _real(values, "")
             raise DataError(f"must be {what}, not {values.dtype}")
@@ -70,13 +70,13 @@ def _array(kinds: str, what: str, *, frames: bool = False) -> PlainValidator:
 
 
 # Shapes, and whether numbers are finite, are checked by the functions that know them.
-FloatArray = Annotated[NDArray[np.float64], _array("biuf", "numbers")]
+FloatArray = Annotated[NDArray[np.float64], _array("iuf", "numbers")]
 IntArray = Annotated[NDArray[np.int64], _array("iu", "whole numbers")]
 BoolArray = Annotated[NDArray[np.bool_], _array("b", "True or False")]
 # A list will do as well.
-Numbers = Annotated[ArrayLike, _array("biuf", "numbers")]
+Numbers = Annotated[ArrayLike, _array("iuf", "numbers")]
 # A data frame stays one, as its columns have names.
-NumbersByJoint = Annotated[ArrayLike, _array("biuf", "numbers", frames=True)]
+NumbersByJoint = Annotated[ArrayLike, _array("iuf", "numbers", frames=True)]
 # A field that need not be finite; null in files where it is not.
 Number = Annotated[
     float, Field(allow_inf_nan=True), BeforeValidator(lambda x: np.nan if x is None else x)
@@ -141,12 +141,14 @@ def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
 def _real(array: ArrayLike, name: str, *missing: type) -> NDArray[Any]:
     """The array of real numbers: NumPy would read text and dates, and drop masks and parts.
 
-    What is missing becomes NaN, as null in files.
+    Truth is no number, as in files. What is missing becomes NaN, as null there.
     """
     given = rectangular(array, name)
-    kind = "" if given.dtype.kind in "biuf" else KINDS.get(given.dtype.kind, str(given.dtype))
+    number_like = given.dtype.kind in "iuf" or not given.size
+    kind = "" if number_like else KINDS.get(given.dtype.kind, str(given.dtype))
     if given.dtype.kind == "O":
-        strange = [x for x in given.flat if not isinstance(x, (Real, *missing))]
+        known = (Real, *missing)
+        strange = [x for x in given.flat if not isinstance(x, known) or isinstance(x, bool)]
         kind = type(strange[0]).__name__ if strange else ""
     if kind:
         raise DataError(f"{name} must be numbers, not {kind}", argument=name, given=kind)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 
 # Relative round-off: of one operation; of some; of sums of many terms and factors of matrices; of
 # residuals, roots of differences of such sums; of solutions, by matrices that are near singular.
@@ -39,11 +40,22 @@ def root(square: float, error: float) -> tuple[float, float]:
 
 
 def interval(low: float, high: float) -> str:
-    """The ends of an interval to two digits of its half width, or to three where that is more."""
+    """The ends of an interval, rounded outward to two digits of its half width.
+
+    An end that would be zero has one digit of its own: rounding takes no zero into an interval.
+    """
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         return f"{number(low, 3)} ... {number(high, 3)}"
     decimals = 1 - math.floor(math.log10((high - low) / 2))
     if not -5 <= decimals <= 8:
         return f"{low:.3g} ... {high:.3g}"
-    ends = (f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}" for x in (low, high))
+    ends = (_rounded(low, decimals, ROUND_FLOOR), _rounded(high, decimals, ROUND_CEILING))
     return " ... ".join(ends)
+
+
+def _rounded(end: float, decimals: int, rounding: str) -> str:
+    exact = Decimal(str(end))
+    rounded = exact.quantize(Decimal(1).scaleb(-decimals), rounding)
+    if rounded or not exact:
+        return f"{rounded + 0:f}"
+    return f"{exact.quantize(Decimal(1).scaleb(exact.adjusted()), rounding):g}"

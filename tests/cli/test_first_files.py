@@ -173,6 +173,8 @@ def test_what_a_mapping_advises_is_in_the_words_of_who_asks(run, tmp_path):
     text = (tmp_path / "command" / "five_bar_mapping.yaml").read_text()
     assert "--lock right_crank_joint" in text
     assert "lock=" not in text
+    # What is to be filled in is what was written.
+    assert done.out.startswith(f"Fill in {tmp_path / 'command' / 'five_bar_mapping.yaml'}. Then:")
 
 
 def test_joints_that_have_forces_in_the_log_are_the_motors(open_bar, run):

@@ -224,4 +224,7 @@ def test_dry_friction_is_what_is_not_viscous_and_even(load_once):
         dry, uneven = DryFriction(robot).at(v, K[:, own] @ phi[own])
         whole = np.sign(v) * dry + uneven + robot.coefficients("Fv") * v
         assert (dry > 0).all()
-        assert np.allclose(whole, robot.friction(u, v), rtol=1e-10)
+        friction = robot.friction(u, v)
+        assert np.allclose(whole, friction, rtol=1e-10)
+        rest = robot.coriolis(u, v) @ v + robot.gravity(u)
+        assert np.allclose(rest + friction, robot.inverse(u, v), rtol=1e-10)

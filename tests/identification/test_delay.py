@@ -20,7 +20,9 @@ from loopid.identification.delay import (
     _left_open,
     _over_bands,
     _sharpens,
+    delay_forces,
     in_time,
+    with_delay_errors,
     without_delay,
 )
 from loopid.identification.fitting import quiet_fit
@@ -210,6 +212,22 @@ def test_intervals_hold_a_delay_that_is_not_clear(case):
     wider = fit.covariance - given.covariance
     assert np.linalg.matrix_rank(wider / np.outer(*2 * [given.standard_errors]), tol=1e-6) == 1
     assert (np.abs(fit.values - truth) < 4 * fit.standard_errors).all()
+
+
+def test_a_delay_moves_estimates_as_far_as_a_fit_to_late_forces_whatever_widens_it(case):
+    model, _, log = case
+    run = prepared(model, noisy(log))
+    delay, data = find_delay(model, [run], cutoff=BAND), model.samples(run)
+    fit = quiet_fit(data)
+    force = data.force + delay_forces(data, fit.values, [run], delay)[:, :, 0]
+    moved = quiet_fit(replace(data, force=force)).values - fit.values
+    for most in (1, 30):  # scatter between regions widens each estimate by its own factor
+        scale = np.random.default_rng(0).uniform(1, most, len(moved))
+        wide = replace(fit, covariance=fit.covariance * np.outer(scale, scale))
+        whole = with_delay_errors(wide, data, [run], delay).covariance
+        added = np.sqrt(np.diag(whole - wide.covariance).clip(0))
+        ratio = np.linalg.norm([added, moved] / fit.standard_errors, axis=1)
+        assert 0.3 < ratio[0] / ratio[1] < 3
 
 
 @pytest.mark.parametrize(("step", "left"), [(0.004, 0.004), (0.05, 0.01)])

@@ -279,15 +279,22 @@ def test_ripple_that_the_filter_leaves_at_low_speed_is_no_friction(robot, model,
     assert (number or 200.0) * np.abs(motion.velocities[:, 0]).max() > 2 * np.pi * 1.5 * 8.0
     data = model.samples(recording)
     weights = error_weights(data.problem, quiet_fit(data).noise)
-    ripple = ripple_columns(model, data, [recording], weights)
+    ripple, said = ripple_columns(model, data, [recording], weights)
     assert ripple.any(axis=(0, 2)).tolist() == [number is not None, False]
+    assert (said is None) == (number is None)
     if number is not None:
+        assert said.motors == (LEFT,)
+        np.testing.assert_allclose(said.number, number, rtol=0.01)
+        np.testing.assert_allclose(said.size, 0.05 / np.sqrt(2), rtol=0.1)
         phase = number * made.position[:, :1] + [0.0, np.pi / 2]
         wave, own = recording.lowpassed(np.sin(phase))[data.used[:, 0]], ripple[data.used[:, 0], 0]
         x, *_ = np.linalg.lstsq(own, wave, rcond=None)
         assert np.linalg.norm(own @ x - wave) < 0.1 * np.linalg.norm(wave)
         found = identify_unjudged(model, recording)
         assert not found_groups(found)
+        title = f"force of {LEFT} ripples over position"
+        (finding,) = [each for each in found.findings if each.title == title]
+        assert f"{said.number[0]:.3g} times a turn" in finding.why
 
 
 # Reading it off.

@@ -5,10 +5,11 @@ import json
 import re
 
 import pytest
+from hypothesis import given, strategies as st
 from rich.console import Console
 
 from loopid.errors import one_line, short_name
-from loopid.numbers import number, with_error
+from loopid.numbers import interval, number, with_error
 from loopid.report.look import json_text, plain_table
 
 
@@ -99,3 +100,22 @@ def test_records_hold_names_but_no_control_codes():
     assert text.replace("\n", "").isprintable()
     assert "é 腕" in text
     assert json.loads(text) == record
+
+
+ENDS = st.floats(-1e6, 1e6)
+
+
+@given(ENDS, ENDS)
+def test_shown_intervals_hold_the_whole_interval_and_zero_only_where_it_does(one, other):
+    low, high = sorted((one, other))
+    first, last = map(float, interval(low, high).split(" ... "))
+    if high - low > 1e-8:
+        assert first <= low
+        assert high <= last
+        assert last - first <= 1.11 * (high - low)
+    assert (first <= 0 <= last) == (low <= 0 <= high)
+
+
+def test_ends_of_intervals_have_the_digits_of_their_width():
+    assert interval(2.3, 702.4) == "2 ... 710"
+    assert interval(0.09698, 0.10268) == "0.0969 ... 0.1027"

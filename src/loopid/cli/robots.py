@@ -400,14 +400,16 @@ def init(
         yaml, mapping = write_in_words(
             file, log, out, options, partial(in_options, context=context)
         )
-    typer.echo(next_commands(yaml, log or "LOG", mapping))
+    # A YAML or a bundled robot is whole already.
+    written = [mapping] if str(yaml) == file else [yaml, mapping]
+    typer.echo(next_commands(yaml, log or "LOG", mapping, written))
 
 
-def next_commands(yaml: object, log: str, mapping: object) -> str:
-    """The commands that follow ``init``."""
+def next_commands(yaml: object, log: str, mapping: object, written: Sequence[object]) -> str:
+    """The commands that follow ``init``, which has written files to fill in."""
     robot, log, mapping = (shlex.quote(str(each)) for each in (yaml, log, mapping))
     return f"""\
-Fill in {robot} and {mapping}. Then:
+Fill in {" and ".join(shlex.quote(str(each)) for each in written)}. Then:
   loopid check {robot}
   loopid view {robot}
   loopid base {robot} --model full

@@ -563,8 +563,10 @@ class _Program:
     def moved(self, state: _State, z: FloatArray, metric: FloatArray | None = None) -> _State:
         """The state after a step inside the solid bodies."""
         B = state.metric if metric is None else metric
-        joints = state.joints + self.terms.spread(state.groups) @ z[WIDTH * len(self.file) :]
-        joints = joints.clip(*self.terms.box)  # to round-off it is inside
+        S, (low, high) = self.terms.spread(state.groups), self.terms.box
+        joints, near = state.joints + S @ z[WIDTH * len(self.file) :], SUM_ROUND_OFF * np.diag(S)
+        # Steps end at limits but for round-off of what is known, which would be read as a value.
+        joints = np.where(joints < low + near, low, np.where(joints > high - near, high, joints))
         factors = state.factors @ upper_factor(np.eye(4) + B @ self.matrices(z) @ B)
         return replace(state, factors=factors, joints=joints)
 

@@ -121,7 +121,7 @@ class FrictionSummary(Tabular):
     ----------
     joints : tuple of str
     coulomb, viscous : tuple of Estimate
-        Of the line that the curve goes on as.
+        Of the line that the curve goes on as; None where it differs by direction.
     standstill : tuple of Estimate
         How much more there is at standstill than the line's Coulomb friction.
     load : tuple of Estimate
@@ -171,14 +171,15 @@ def friction_summary(fit: Estimates) -> FrictionSummary:
     """
     loaded = (each.link for each in fit.parameters if each.kind == "Ft")
     joints = dict.fromkeys((*frictional_joints(fit), *loaded))
-    places = {each.label: j for j, each in enumerate(fit.parameters)}
+    # Of one direction alone, as Fc+, none is that of the joint.
+    places = {(e.link, e.kind.partition("~")[0]): j for j, e in enumerate(fit.parameters)}
     every = fit.estimates
 
-    def of(joint: str, beginning: str) -> Estimate | None:
-        found = [j for label, j in places.items() if label.startswith(f"{joint}.{beginning}")]
-        return every[found[0]] if found else None
+    def of(joint: str, kind: str) -> Estimate | None:
+        place = places.get((joint, kind))
+        return None if place is None else every[place]
 
-    kinds = "Fc", "Fv", "Fk0~", "Ft"
+    kinds = "Fc", "Fv", "Fk0", "Ft"
     return FrictionSummary(
         tuple(joints), *(tuple(of(joint, kind) for joint in joints) for kind in kinds)
     )

@@ -592,7 +592,12 @@ class Dynamics:
         return pose._answer((self._bodies.forces(pose, v, a) + springs)[:, 0])
 
     def friction(self, u: FloatArray | Pose, du: FloatArray) -> FloatArray:
-        """Forces (dof,) or (N, dof) in joints that depend on their rates, or where they turned."""
+        """Forces (dof,) or (N, dof) in joints that depend on their rates, or where they turned.
+
+        Load friction has the loads of a motion without accelerations of the coordinates. With
+        ``Ft`` or ``Fl``, mass matrix, ``coriolis``, ``gravity`` and this sum up to ``inverse`` at
+        ``ddu`` = 0 only: accelerations add to the loads. Without them, they do at any.
+        """
         pose = self.pose(u)
         laws = [law for law in self._laws if law.friction]
         v = self._along(pose, du, "velocities")
