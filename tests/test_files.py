@@ -114,7 +114,7 @@ def test_a_folder_without_permission_is_named(tmp_path):
 @pytest.mark.parametrize("place", ["taken", "taken/deeper"])
 def test_a_file_where_a_folder_is_needed_is_named_and_stays(tmp_path, place):
     (tmp_path / "taken").write_text("mine\n")
-    with pytest.raises(FileError, match="taken") as caught:
+    with pytest.raises(FileError, match="taken is a file: name another folder") as caught:
         write_files(tmp_path / place, CONTENTS)
     assert isinstance(caught.value, LoopidError)
     assert "\n" not in str(caught.value)
@@ -151,7 +151,7 @@ def test_permissions_are_those_that_the_umask_leaves(tmp_path, umask, mask):
 def test_a_folder_that_cannot_be_is_refused_before_the_work(tmp_path):
     (tmp_path / "taken").write_text("mine")
     for place in (tmp_path / "taken", tmp_path / "taken" / "deeper" / "still"):
-        with pytest.raises(FileError, match="taken is not a folder"):
+        with pytest.raises(FileError, match="taken is a file: name another folder"):
             require_folder(place)
     require_folder(tmp_path / "new" / "deeper")
     assert not (tmp_path / "new").exists()

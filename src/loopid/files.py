@@ -90,12 +90,15 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
     Names are without folders. A FileError says why the folder or a file cannot be written.
     """
     directory, waiting = Path(folder), dict[Path, Path]()
+    require_folder(folder)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         for name in contents:
             # Known beforehand, lest some files be replaced and others not.
             if (directory / name).is_dir():
-                raise IsADirectoryError(EISDIR, "it is a folder", str(directory / name))
+                raise IsADirectoryError(
+                    EISDIR, "it is a folder: name a file", str(directory / name)
+                )
         for name, content in contents.items():
             waiting[directory / name] = _write_beside(directory / name, content)
         for place, draft in waiting.items():
@@ -129,7 +132,7 @@ def require_folder(folder: str | Path) -> None:
     there = ("", "is a folder", "is no regular file")
     existing = next(path for path in (place, *place.parents) if why_no_file(path) in there)
     if not existing.is_dir():
-        raise FileError(f"cannot write to {folder}: {existing} is not a folder")
+        raise FileError(f"cannot write to {folder}: {existing} is a file: name another folder")
     if not os.access(existing, os.W_OK):
         raise FileError(f"cannot write to {folder}: no permission in {existing}")
 

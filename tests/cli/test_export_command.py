@@ -216,3 +216,13 @@ def test_the_robots_own_file_needs_to_be_asked_for(run, tmp_path):
     assert_refused(run("export", robot, fit, "--urdf", own), "robot's own file")
     assert run("export", robot, fit, "--urdf", own, "--overwrite").code == 0
     assert own.read_bytes() != before
+
+
+def test_nothing_is_written_where_one_of_the_places_is_none(tmp_path, run):
+    (*_, fit), taken = saved(tmp_path), tmp_path / "taken"
+    taken.write_text("mine")
+    before = {path.name for path in tmp_path.iterdir()}
+    done = run("export", "five_bar", fit, "--yaml", tmp_path / "new.yaml", "--c", taken / "c")
+    assert done.code == 2
+    assert f"{taken} is a file: name another folder" in done.err
+    assert {path.name for path in tmp_path.iterdir()} == before

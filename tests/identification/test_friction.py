@@ -8,7 +8,7 @@ import pytest
 import loopid
 from loopid import FilterOptions, JointTerms, load_fit, read_log
 from loopid.errors import DataError, OptionError
-from loopid.identification import friction_curve, friction_summary
+from loopid.identification import FitSamples, friction_curve, friction_summary
 from loopid.identification.consistent import error_weights
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.friction import (
@@ -277,15 +277,22 @@ def test_ripple_that_the_filter_leaves_at_low_speed_is_no_friction(robot, model,
     assert (number or 200.0) * np.abs(motion.velocities[:, 0]).max() > 2 * np.pi * 1.5 * 8.0
     data = model.samples(recording)
     weights = error_weights(data.problem, quiet_fit(data).noise)
-    ripple = ripple_columns(model, data, [recording], weights)
+    ripple, said = ripple_columns(model, data, [recording], weights)
     assert ripple.any(axis=(0, 2)).tolist() == [number is not None, False]
+    assert (said is None) == (number is None)
     if number is not None:
+        assert said.motors == (LEFT,)
+        np.testing.assert_allclose(said.number, number, rtol=0.01)
+        np.testing.assert_allclose(said.size, 0.05 / np.sqrt(2), rtol=0.1)
         phase = number * made.position[:, :1] + [0.0, np.pi / 2]
         wave, own = recording.lowpassed(np.sin(phase))[data.used[:, 0]], ripple[data.used[:, 0], 0]
         x, *_ = np.linalg.lstsq(own, wave, rcond=None)
         assert np.linalg.norm(own @ x - wave) < 0.1 * np.linalg.norm(wave)
         found = identify_unjudged(model, recording)
         assert not found_groups(found)
+        title = f"force of {LEFT} ripples over position"
+        (finding,) = [each for each in found.findings if each.title == title]
+        assert f"{said.number[0]:.3g} times a turn" in finding.why
 
 
 # Reading it off.
@@ -468,3 +475,15 @@ def test_a_light_motor_that_sticks_under_a_controller_has_plain_friction(tmp_pat
     assert not found_groups(found)
     assert found.fit["motor.Fc"].value == pytest.approx(0.2, rel=0.01)
     assert found.fit["motor.Fv"].value == pytest.approx(0.1, rel=0.02)
+
+
+def test_friction_of_one_direction_is_no_friction_of_the_joint():
+    names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc+", "elbow.Fc-", "elbow.Fv"])
+    rng = np.random.default_rng(0)
+    rate = rng.normal(size=(200, 1))
+    W = np.stack([rate > 0, -(rate < 0).astype(float), rate], axis=2)
+    samples = FitSamples.of(names, ["elbow"], W, W @ [2.0, 3.0, 0.5] + rng.normal(size=(200, 1)))
+    summary = friction_summary(loopid.identification.fit(samples))
+    assert summary.joints == ("elbow",)
+    assert summary.coulomb == (None,)
+    assert summary.viscous[0].name == "elbow.Fv"

@@ -25,7 +25,7 @@ from loopid.cli.robots import (
 )
 from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
-from loopid.files import require_other_file, write_file
+from loopid.files import require_folder, require_other_file, write_file
 from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -321,6 +321,9 @@ def _exported(
     if yaml is not None:
         fit.content(yaml, anyway=anyway)
     code = None if c is None else c_source(fit.require_model(), name=name, values=fit.values)
+    folders = [Path(each).parent for each in (robot, yaml) if each is not None]
+    for folder in [*folders, *([] if c is None else [Path(c)])]:
+        require_folder(folder)
     written = list[Path]()
     if robot is not None:
         loaded = fit.to_robot_file(robot, overwrite=overwrite, anyway=anyway)

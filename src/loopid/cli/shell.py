@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from loopid.report.page import Report
 
 MOST_SAID = 5  # findings that are shown without ``--verbose``
+CLOSED_PIPE = 128 + 13  # exit code of what SIGPIPE ends, in every shell
 WIDTH = 80  # columns of a table where the terminal gives none, as by COLUMNS=0
 
 
@@ -59,15 +60,21 @@ class Command(TyperCommand):
             refuse(in_options(str(error), ctx))
         except MemoryError as error:
             refuse(f"there is not enough memory: {error}")
-        except BrokenPipeError:
-            raise  # as of ``loopid ... | head``: Typer ends the command
+        except BrokenPipeError as error:  # as of ``loopid ... | head``, which has seen enough
+            _write_no_more()
+            raise typer.Exit(CLOSED_PIPE) from error
         except OSError as error:
-            if error.filename is None:  # of a stream: what waits to be written is lost too
-                os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            if error.filename is None:
+                _write_no_more()
             refuse(f"{error.filename or 'standard output'}: {error.strerror}")
         except KeyboardInterrupt:
             say("interrupted")
             raise
+
+
+def _write_no_more() -> None:
+    """Lose what waits to be written to a stream that takes nothing."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def refuse(reason: str) -> NoReturn:
@@ -158,7 +165,11 @@ class Answer:
 
         from loopid.report.look import Words, folded
 
-        console = Console(highlight=False)
+        class Printed(Console):
+            def on_broken_pipe(self) -> None:  # by itself it ends the command with exit code 1
+                raise BrokenPipeError
+
+        console = Printed(highlight=False)
         console.width = console.width or WIDTH
         console.print(Words(f"{report.title}: {report.verdict}"))
         verdict = report.verdict

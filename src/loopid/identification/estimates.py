@@ -17,6 +17,7 @@ from loopid.identification.quality import (
     MotorUse,
     NoiseModel,
     Quality,
+    Ripples,
     Robustness,
     StandardUncertainty,
     TermDeviations,
@@ -116,6 +117,7 @@ class Estimates(Tabular):
     unseen_rms: FloatArray | None = None
     broken: tuple[str, ...] = ()
     unexplained: tuple[str, ...] = ()
+    ripples: Ripples | None = None
 
     def __post_init__(self) -> None:
         shape, freedoms = self.values.shape, self.degrees_of_freedom.shape

@@ -248,7 +248,7 @@ def with_friction(
     with one_blas_thread():
         every, rank = excited_solution(moving.problem.weighted(whole.weights), LEAST_EXCITATION)
     noise = residual_noise(moving, every, rank)
-    ripple = ripple_columns(force_model, moving, recordings, weights)
+    ripple, ripples = ripple_columns(force_model, moving, recordings, weights)
     if ripple.shape[2]:
         moving = moving_samples(data, rest, ripple)
         with one_blas_thread():
@@ -267,7 +267,7 @@ def with_friction(
         asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
         if asked == kinds and honest:
             warn_of_bodies(wide, fit)
-            return wide, data, working
+            return wide, data, working.with_result(ripples=ripples)
         kinds, noise, honest = asked, fit.require_noise(), True
         wide, data = beside(kinds, fit.require_bodies())
         moving = moving_samples(data, rest, ripple)

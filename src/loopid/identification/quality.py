@@ -154,6 +154,15 @@ class MotorUse:
 
 
 @record(checked=True)
+class Ripples:
+    """Waves of forces of motors over their positions, which estimates are beside."""
+
+    motors: tuple[str, ...]  # of each of r ripples
+    number: FloatArray  # (r,), waves in 2 π rad or metres
+    size: FloatArray  # (r,), root mean square in N or N m
+
+
+@record(checked=True)
 class StandardUncertainty:
     """What the covariance of a fit, and the robot file, say of the p standard parameters.
 

@@ -87,6 +87,8 @@ class Fit(Estimates):
         (dof,), root mean square errors on data that were not fitted, in N or N m; NaN without any.
     broken : tuple of str
         Laws of sane fits that it breaks on these logs (``absurdities``), one sentence each.
+    ripples : Ripples or None
+        Waves of forces over positions of motors, which estimates are beside.
     unexplained : tuple of str
         The force whose errors on new data are too large for any use, in a sentence, if any.
 

@@ -18,6 +18,7 @@ from loopid.findings import EVIDENCE
 from loopid.identification.force_models import ForceModel
 from loopid.identification.hysteresis import slip_evidence
 from loopid.identification.problem import FitSamples
+from loopid.identification.quality import Ripples
 from loopid.logs.recording import Recording
 from loopid.robot.robot import position_of
 from loopid.workers import one_blas_thread
@@ -37,18 +38,27 @@ def ripple_columns(
     data: FitSamples,
     recordings: Sequence[Recording],
     weights: FloatArray,
-) -> FloatArray:
+) -> tuple[FloatArray, Ripples | None]:
     """Sines and cosines (N, dof, k) over position that motors show beside all that is fitted.
 
-    Of samples of recordings, with ``weights`` (dof,), one over the deviations of forces.
+    And how many waves there are, and how large. Of samples of recordings, with ``weights`` (dof,),
+    one over the deviations of forces.
     """
     beside, robot = _Beside(data, weights), force_model.robot
-    found = np.zeros((*data.force.shape, 2 * MOST_RIPPLES))
+    found, ripples = (
+        np.zeros((*data.force.shape, 2 * MOST_RIPPLES)),
+        list[tuple[str, float, float]](),
+    )
     for row, motor in enumerate(data.actuators):
         if motor in robot.actuated and robot.joint(motor).nv == 1:
-            own = _of_motor(robot.joint(motor), row, beside, recordings)
+            own, numbers, sizes = _of_motor(robot.joint(motor), row, beside, recordings)
             found[:, row, : own.shape[1]] = own
-    return found[:, :, found.any(axis=(0, 1))]
+            ripples += zip([motor] * len(numbers), numbers, sizes, strict=True)
+    columns = found[:, :, found.any(axis=(0, 1))]
+    if not ripples:
+        return columns, None
+    motors, *both = zip(*ripples, strict=True)
+    return columns, Ripples(motors, *map(np.array, both))
 
 
 class _Beside:
@@ -79,14 +89,15 @@ class _Beside:
 
 def _of_motor(
     joint: pin.JointModel, row: int, beside: _Beside, recordings: Sequence[Recording]
-) -> FloatArray:
-    """Columns (N, k) of a motor."""
+) -> tuple[FloatArray, list[float], list[float]]:
+    """Columns (N, k) of a motor, numbers of waves, and their sizes before the filter."""
     used, columns = beside.data.used[:, row], np.zeros((len(beside.data), 0))
     rate = np.concatenate([run.motion.velocities[:, row] for run in recordings])
     slow = float(np.quantile(np.abs(rate[used]), SLOW)) if used.any() else 0.0
     cutoffs = [run.cutoff for run in recordings if run.cutoff is not None]
+    chosen, sizes = list[float](), list[float]()
     if not (slow > 0 and cutoffs):
-        return columns
+        return columns, chosen, sizes
     most = 2 * pi * PASSED * max(cutoffs) / slow
     position = [np.unwrap(position_of(joint, run.motion.configurations)) for run in recordings]
     kept, left = np.concatenate(position)[used], beside.residual[used, row]
@@ -105,10 +116,11 @@ def _of_motor(
         if best is None or evidence[best] - before - log(tried) < EVIDENCE:
             break
         columns, before = wider[best], evidence[best]
-        own = columns[used]
-        left = beside.residual[used, row]
-        left = left - own @ np.linalg.lstsq(own, left, rcond=None)[0]
-    return columns
+        chosen.append(numbers[best])
+        own, left = columns[used], beside.residual[used, row]
+        x = np.linalg.lstsq(own, left, rcond=None)[0]
+        sizes, left = np.sqrt((x.reshape(-1, 2) ** 2).sum(axis=1) / 2).tolist(), left - own @ x
+    return columns, chosen, sizes
 
 
 def _waves(run: Recording, position: FloatArray, number: float) -> FloatArray:

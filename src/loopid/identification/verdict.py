@@ -11,9 +11,10 @@ from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.friction_curves import friction_at_ends, frictional_joints
 from loopid.identification.leaving_out import whole_logs
-from loopid.identification.missing import missing_findings
+from loopid.identification.missing import WAVES, missing_findings
 from loopid.identification.outcome import ALL, ROUGH, Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS, WHOLE_FORCE
+from loopid.identification.quality import Ripples
 from loopid.identification.result import Fit
 from loopid.logs.preparing import encoder_faults
 from loopid.numbers import number
@@ -282,6 +283,8 @@ def _noisy(found: Outcome) -> tuple[str, float] | None:
     """The motor whose errors are largest beside its sensor's noise, and how many times that."""
     errors, noise = found.fit.unseen_rms, found.sensor_noise
     ratios = np.full(len(noise), np.nan) if errors is None else errors / noise
+    if (ripples := found.fit.ripples) is not None:  # it is known what makes their errors
+        ratios[np.isin(found.data.actuators, ripples.motors)] = np.nan
     if np.isnan(ratios).all() or np.nanmax(ratios) <= NOISY:
         return None
     worst = int(np.nanargmax(ratios))
@@ -308,11 +311,32 @@ def _of_standing(found: Outcome) -> Finding | None:
     )
 
 
+def _of_ripples(found: Outcome, ripples: Ripples) -> Finding:
+    """Waves over position that estimates are beside."""
+    robot, sizes = found.force_model.robot, found.data.problem.force_rms
+    force = dict(zip(found.data.actuators, sizes.tolist(), strict=True))
+    said = list[str]()
+    for motor, waves, size in zip(ripples.motors, ripples.number, ripples.size, strict=True):
+        slides = robot.joint(motor).idx_v in robot.prismatic
+        times, unit = (waves / 2 / np.pi, "metre") if slides else (waves, "turn")
+        share = number(100 * size / force[motor], 2)
+        said.append(f"{motor} {times:.3g} times a {unit}, {share} % of its force")
+    motors = first_of([*dict.fromkeys(ripples.motors)], NAMED)
+    return Finding(
+        "note",
+        f"force of {motors} ripples over position",
+        f"root mean squares: {'; '.join(said)}; values are fitted beside it",
+        WAVES.do,
+    )
+
+
 def _model_findings(found: Outcome) -> Iterator[Finding]:
     """What the model lacks, and where the data do not decide."""
     model = _of_model(found)
     yield from () if model is None else (model,)
     yield from missing_findings(found.missing)
+    if found.fit.ripples is not None:
+        yield _of_ripples(found, found.fit.ripples)
     noisy = _noisy(found)
     if noisy is not None:
         motor, times = noisy
