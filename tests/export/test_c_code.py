@@ -215,6 +215,7 @@ def test_friction_curves_and_load(compiled):
     np.testing.assert_allclose(before, force, atol=0.05 * np.abs(phi).max())
 
 
+@pytest.mark.validate
 def test_tied_links(compiled):
     found = all_columns("3rrr", "full", tied=True)
     assert_agrees(found, compiled(found), around_reference(found))
@@ -720,7 +721,7 @@ def test_the_same_model_gives_the_same_code():
 def test_refusals(monkeypatch):
     found = force_model("five_bar", "gravity", ())
     for name in ("1bar", "five bar", "", "é", "a__b", "a_"):
-        with pytest.raises(OptionError, match="letters and digits"):
+        with pytest.raises(OptionError, match="begin with a letter, then letters and digits"):
             c_source(found, name=name)
     with pytest.raises(DataError, match=r"shape \(\d+,\), not \(2,\)"):
         c_source(found, values=np.zeros(2))
