@@ -6,7 +6,7 @@ BIN := .venv/bin
 # Compiled once, not by every process that a test starts.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo docs test test-kernels test-versions validate lint bench peers clean
+.PHONY: demo docs test pages test-kernels test-versions validate lint bench peers clean
 
 # The main job: subgroup search, symbolic model, tables and figures of the paper.
 demo: .venv/demo
@@ -18,10 +18,15 @@ docs: .venv/docs
 	@echo 'site/index.html; with search: $(BIN)/python -m http.server -d site'
 
 # As many processes as cores, each with one thread of linear algebra.
-test test-kernels validate: export OPENBLAS_NUM_THREADS = 1
+test pages test-kernels validate: export OPENBLAS_NUM_THREADS = 1
 
 test: .venv/test
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+# What README, docs, docstrings and examples show is run, and the site is built.
+pages: .venv/test
+	$(BIN)/python -m pytest -m "pages and not validate" -n auto --dist worksteal \
+	    $(addprefix tests/test_,api.py docs.py examples.py readme.py site.py)
 
 # What is numerical, but for Monte Carlo and refusals, with the linear algebra of processors without
 # AVX-512, and without AVX.

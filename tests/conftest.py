@@ -10,7 +10,6 @@ import re
 import sys
 import warnings
 from functools import cache, wraps
-from hashlib import sha256
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +22,7 @@ from hypothesis import HealthCheck, settings
 
 import loopid
 from closure_robots import X, Y, Z, body, files, frame, joint, urdf
+from fingerprints import fingerprint
 from linkages import LINKAGES
 from loopid import bundled_robots, identify, random_configurations, read_log
 from loopid.errors import ModelWarning
@@ -50,6 +50,7 @@ gc.disable()  # to collect thousands of tests makes no garbage
 def pytest_collection_finish():
     """What was collected stays: no later search for garbage goes through it."""
     gc.freeze()
+    gc.set_threshold(50_000, 20)  # what tests leave is seldom garbage
     gc.enable()
 
 
@@ -173,8 +174,7 @@ def bundled_once(load_once, once, monkeypatch):
     def shared(function):
         @wraps(function)
         def call(*arguments, **options):
-            key = sha256(pickle.dumps((arguments, options))).hexdigest()
-            name = f"{function.__name__} {key}"
+            name = f"{function.__name__} {fingerprint(arguments, options)}"
             return once(name, lambda: function(*arguments, **options))
 
         return call
@@ -344,17 +344,29 @@ def rate():
 
 @pytest.fixture(scope="session")
 def once(tmp_path_factory):
-    """Compute what takes seconds once for all workers of a run."""
+    """Compute what takes seconds once for all workers of a run.
+
+    A worker has one object of it, so that what is derived of it is made once, too.
+    """
     folder = tmp_path_factory.getbasetemp()
     folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
 
-    def load(name, compute):
+    def shared(name, compute):
         place = folder / f"{name}.pickle"
         with (folder / f"{name}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            if not place.exists():
-                place.write_bytes(pickle.dumps(compute()))
-        return pickle.loads(place.read_bytes())
+            if place.exists():
+                return pickle.loads(place.read_bytes())
+            made = compute()
+            place.write_bytes(pickle.dumps(made))
+        return made
+
+    kept = {}
+
+    def load(name, compute):
+        if name not in kept:
+            kept[name] = shared(name, compute)
+        return kept[name]
 
     return load
 

@@ -3,6 +3,7 @@
 import ast
 import doctest
 import inspect
+import json
 import re
 import subprocess
 import sys
@@ -33,6 +34,7 @@ def run_examples(name, thing):
     return sum(len(test.examples) for test in found)
 
 
+@pytest.mark.pages
 @pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared", "none_missing")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("name", NAMES)
@@ -41,6 +43,7 @@ def test_a_public_name_has_an_example_that_runs(name, short_logs, monkeypatch):
     assert run_examples(name, getattr(loopid, name)), f"{name} has no example in its docstring"
 
 
+@pytest.mark.pages
 @pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared", "none_missing")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("subpackage", SUBPACKAGES)
@@ -99,33 +102,54 @@ def test_every_public_name_is_in_a_page():
     assert not {name.rpartition(".")[2] for name in LISTED} - words
 
 
-def imported(*words):
+# What is loaded after each of these; between them loopid is forgotten, and the libraries stay.
+IMPORTS = {
+    "loopid and its commands": "import loopid, loopid.cli",
+    "a log of arrays": "import loopid; loopid.Log.from_arrays(*3 * [[1, 2, 3, 4]], ['a'])",
+    "dynamics": "import loopid.regressors.dynamics",
+    "a check": """import loopid, loopid.cli, loopid.report.structure
+loopid.report.structure.check_report(loopid.load('3ups_rpu'))""",
+}
+IN_TURN = f"""
+import json, sys
+loaded = {{}}
+for name, words in {IMPORTS}.items():
+    for own in [each for each in sys.modules if each.partition(".")[0] == "loopid"]:
+        del sys.modules[own]
+    exec(words)
+    loaded[name] = [*sys.modules]
+print(json.dumps(loaded))
+"""
+
+
+@pytest.fixture(scope="module")
+def loaded():
     """Modules that are loaded after some Python, in a process of its own."""
-    script = "; ".join([*words, "import sys; print(*sys.modules)"])
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", IN_TURN], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return set(done.stdout.split())
+    return {name: set(modules) for name, modules in json.loads(done.stdout).items()}
 
 
-def test_importing_loopid_and_its_command_line_loads_no_library_of_the_work():
+def test_importing_loopid_and_its_command_line_loads_no_library_of_the_work(loaded):
     heavy = {"numpy", "scipy", "pinocchio", "pydantic", "lxml", "polars"}
-    assert not imported("import loopid, loopid.cli") & heavy
-    report = "loopid.report.structure.check_report(loopid.load('3ups_rpu'))"
-    found = imported("import loopid, loopid.cli, loopid.report.structure", report)
+    assert not loaded["loopid and its commands"] & heavy
+    found = loaded["a check"]
     assert {"pinocchio", "pydantic", "lxml", "loopid.report.structure"} <= found
     assert not {"mujoco", "networkx", "trimesh", "sympy", "matplotlib", "polars"} & found
     later = {"loopid.identification.result", "loopid.excitation.design", "loopid.logs.log"}
     assert not later & found, "check waits for what it does not use"
 
 
-def test_a_log_of_arrays_needs_few_files():
-    found = imported("import loopid", "x = [1, 2, 3, 4]; loopid.Log.from_arrays(x, x, x, ['a'])")
-    assert len([name for name in found if name.partition(".")[0] == "loopid"]) <= 14
+def own(modules):
+    return [name for name in modules if name.partition(".")[0] == "loopid"]
 
 
-def test_dynamics_need_few_files():
-    found = imported("import loopid.regressors.dynamics")
-    assert len([name for name in found if name.split(".")[0] == "loopid"]) <= 25
+def test_a_log_of_arrays_needs_few_files(loaded):
+    assert len(own(loaded["a log of arrays"])) <= 14
+
+
+def test_dynamics_need_few_files(loaded):
+    assert len(own(loaded["dynamics"])) <= 25
 
 
 def test_type_checkers_see_the_same_names():

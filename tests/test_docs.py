@@ -28,6 +28,7 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.S | re.M)
 
 
+@pytest.mark.pages
 @pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared", "none_missing")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.name)  # README: test_readme.py
@@ -49,7 +50,7 @@ def test_the_python_of_a_page_runs_from_top_to_bottom(page, short_logs, tmp_path
 ELSEWHERE = {"paper": "tests/paper", "payload": "tests/cli/test_simulate_and_predict.py"}
 # Of designs, so that they take a second.
 QUICK = ["--starts", "1", "--evaluations", "5", "--duration", "5"]
-LONG = {"control", "excitation", "exports", "identification", "reports"}  # 35 s
+LONG = {"control", "excitation", "exports", "identification", "reports", "start"}  # 40 s
 
 
 @pytest.fixture
@@ -78,6 +79,7 @@ def commands(page):
             yield words[1:]
 
 
+@pytest.mark.pages
 @pytest.mark.usefixtures(
     "bundled_robots_loaded_once", "nothing_suspected", "no_delay_sought", "none_missing"
 )

@@ -47,6 +47,7 @@ BOOKS = [
 NEEDED = {"mujoco_model": "mujoco"}
 
 
+@pytest.mark.pages
 @pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("script", SCRIPTS)
@@ -72,6 +73,7 @@ def words(text):
     return re.sub(r"[-\d.,e+∞]*\d[-\d.,e+∞]*", "#", text).split()
 
 
+@pytest.mark.pages
 @pytest.mark.usefixtures("bundled_once", "nothing_suspected", "no_delay_sought")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("book", BOOKS)

@@ -63,7 +63,7 @@ def test_every_configuration_closes_at_its_home(robot, configuration, table, wri
     assert np.abs(constraint_residual(mechanism, q)).max() < 1e-13
 
 
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(geometry=geometries, pose=poses)
 def test_closed_form_inverse_kinematics_is_assembly(generator, table, write_robot, geometry, pose):
     mechanism = loopid.load(write_robot(geometry, table["3ups_rpu"]))

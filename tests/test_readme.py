@@ -19,6 +19,7 @@ def fenced(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
 
 
+@pytest.mark.pages
 def test_the_examples_print_what_the_readme_shows(capsys, monkeypatch):
     monkeypatch.chdir(ROOT)
     names: dict[str, object] = {}

@@ -14,7 +14,10 @@ from lxml import html
 ROOT = Path(__file__).parents[1]
 NEEDED = ("mkdocs", "material", "mkdocstrings", "latex2mathml")
 MISSING = [name for name in NEEDED if importlib.util.find_spec(name) is None]
-pytestmark = pytest.mark.skipif(bool(MISSING), reason=f"needs {', '.join(MISSING)}: loopid[docs]")
+pytestmark = [
+    pytest.mark.pages,
+    pytest.mark.skipif(bool(MISSING), reason=f"needs {', '.join(MISSING)}: loopid[docs]"),
+]
 
 
 @pytest.fixture(

@@ -127,6 +127,7 @@ def rounded_delta(tmp_path):
     return write
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize(
     ("form", "rounding", "known_to"),
     few_of(

@@ -1,11 +1,9 @@
 """The command line as its users meet it, in this process, and logs to give it."""
 
 import json
-import pickle
 import sys
 import warnings
 from dataclasses import dataclass
-from hashlib import sha256
 from importlib import import_module
 
 import jsonschema
@@ -13,6 +11,7 @@ import numpy as np
 import pytest
 
 import loopid
+from fingerprints import fingerprint
 from loopid import JointTerms
 from loopid.cli import main
 from loopid.identification.log_mistakes import LogFaults
@@ -67,7 +66,7 @@ def arm_identified_once(request, monkeypatch, once):
                 warnings.simplefilter("always")
                 return identify(*arguments, **options), [each.message for each in said]
 
-        key = sha256(pickle.dumps((arguments, options))).hexdigest()
+        key = fingerprint(arguments, options)
         # Whether delays are sought is a matter of the test's module.
         result, said = once(f"arm {in_time.__qualname__} {key}", found)
         for message in said:

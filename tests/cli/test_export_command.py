@@ -116,6 +116,7 @@ def test_joint_terms_that_a_robot_file_has_no_place_for_are_named(run, tmp_path)
     assert (tmp_path / "new.urdf").read_text().count("<dynamics damping=") == 2
 
 
+@pytest.mark.validate
 def test_the_robot_is_loaded_as_for_the_fit(run, tmp_path):
     _, _, fit = saved(tmp_path, "3rrr", tied=True, kinds=("Ia", "Fv"))
     out = tmp_path / "base.yaml"

@@ -31,6 +31,7 @@ def geared(tmp_path_factory):
     return str(folder / "robot.xml"), str(folder / "run.csv")
 
 
+@pytest.mark.validate
 def test_drive_inertia_of_the_file_is_fitted_by_default(geared, run_json):
     fit = run_json("identify", *geared, "--model", "full", "--cutoff", "8")["all_parameters"]
     found = {p["name"]: p["interval_95_percent"] for p in fit["base_parameters"]}

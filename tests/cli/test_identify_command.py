@@ -182,6 +182,7 @@ def test_a_validation_log_takes_the_place_of_the_split(arm, arm_files):
     assert found["training"][0]["samples"] == whole["training"][0]["samples"]
 
 
+@pytest.mark.validate
 def test_friction_comes_from_its_own_log(arm, arm_files, tmp_path):
     robot = loopid.load(arm_files[0])
     terms = JointTerms(robot.actuated), 1.5 * np.array([3.0, 1.0, 2.0, 0.5])
@@ -193,6 +194,7 @@ def test_friction_comes_from_its_own_log(arm, arm_files, tmp_path):
     assert found["elbow.Fc"] == pytest.approx(3.0, rel=0.15)
 
 
+@pytest.mark.validate
 def test_without_terms_only_bodies_are_fitted(arm):
     found = arm("--model", "gravity", "--terms", "none")
     leading = {name.partition(" + ")[0] for name in fitted(found)}
@@ -206,6 +208,7 @@ def test_terms_are_those_that_are_named(arm):
     assert {name for name in names if name.partition(".")[0] in ("shoulder", "elbow")} == joints
 
 
+@pytest.mark.validate
 def test_the_full_model_with_drives_is_an_option(arm):
     found = arm("--model", "full", "--terms", "Ia,Fv")
     assert found["model"] == "full"
@@ -369,6 +372,7 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     assert all(direction["standard_error"] > 1 for direction in told["weak"])
 
 
+@pytest.mark.validate
 def test_an_estimator_goes_by_its_name(arm):
     found = arm("--estimator", "bisquare")
     assert found["all_parameters"]["estimate"]["estimator"] == "bisquare"
@@ -417,6 +421,7 @@ def test_a_part_of_a_log_is_fitted(arm, run, arm_files):
     assert "--to must be above start, 5 s, not 2" in done.err
 
 
+@pytest.mark.validate
 def test_some_rows_of_a_log_are_fitted(arm, run, arm_files):
     robot, log, _ = arm_files
     found = arm("--rows", "100:500")

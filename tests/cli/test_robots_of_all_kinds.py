@@ -69,6 +69,7 @@ def write(folder, robot, moved, far=0.2, **more):
     return folder / "robot.yaml", folder / "motions.yaml"
 
 
+@pytest.mark.validate
 def test_three_motors_are_identified_from_their_log(run_json, tmp_path):
     file, _ = write(tmp_path, LINKAGES["redundant five-bar"], BARS)
     robot = loopid.load(file)
@@ -91,6 +92,11 @@ def test_robots_without_motions_of_their_own_need_a_file(run, tmp_path, monkeypa
         assert f"four_bar has no motions of its own: name a motion file, MOTIONS, {advice}" in (
             done.err
         )
+
+
+@pytest.mark.validate
+def test_the_file_that_is_advised_will_do(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     quick = "--starts", "1", "--evaluations", "5", "--duration", "4"
     assert run("excite", "four_bar", "--out", "motion", *quick).code == 0
     assert run("motions", "four_bar", "motion/motion.yaml").code == 0

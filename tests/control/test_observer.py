@@ -104,6 +104,7 @@ def test_the_covariance_of_the_values_passes_the_filter(knee_model):
     assert np.abs(found[0].covariance - expected).max() < 4 * start * np.abs(expected).max()
 
 
+@pytest.mark.validate
 def test_white_noise_passes_the_filter_as_stated(knee):
     """And raises alarms as often as stated, here 3,600 times an hour."""
     model = loopid.Dynamics(loopid.force_model(knee, "gravity", None), near=1.0)

@@ -155,6 +155,7 @@ def test_what_cannot_be_is_refused():
         ChangeDetector(drift=0.5)
 
 
+@pytest.mark.validate
 def test_online_is_the_batch_fit_of_the_real_log(knee, recording_of):
     model = loopid.force_model(knee, "gravity", "Fc,Fv")
     samples = model.samples(recording_of(knee))

@@ -82,6 +82,7 @@ def test_a_motor_that_cannot_tell_is_named(arm):
     np.testing.assert_allclose(found.gains, GAINS[1:], rtol=1e-6)
 
 
+@pytest.mark.validate
 def test_noisy_currents_make_no_gain_too_small(arm):
     """Least squares with currents as columns would have them smaller by the square of the noise."""
     model, off = loopid.force_model(arm, "full", "Fc"), []

@@ -65,6 +65,7 @@ def test_a_payload_without_noise_is_found_to_round_off(case):
     np.testing.assert_allclose(found.centre()[0], CENTRE, atol=1e-8)
 
 
+@pytest.mark.validate
 def test_paths_and_a_robot_are_taken_as_recordings_and_a_model(load_once, tmp_path):
     robot, path = load_once("five_bar"), tmp_path / "run.csv"
     rows = Path("urdf/logs/five_bar.csv").read_text().splitlines()

@@ -26,6 +26,7 @@ def test_a_design_that_gained_nothing_is_refused_with_advice(load_once):
     replace(found, errors_before=untold).require_gain()  # it tells what nothing told
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("solver", few_of(["slsqp", "ipopt"], "slsqp"))
 def test_a_gain_is_over_the_start_that_solvers_leave_as_it_was(load_once, solver):
     if solver == "ipopt":

@@ -215,6 +215,7 @@ def test_friction_curves_and_load(compiled):
     np.testing.assert_allclose(before, force, atol=0.05 * np.abs(phi).max())
 
 
+@pytest.mark.validate
 def test_tied_links(compiled):
     found = all_columns("3rrr", "full", tied=True)
     assert_agrees(found, compiled(found), around_reference(found))

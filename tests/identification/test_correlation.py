@@ -133,7 +133,8 @@ def test_data_without_errors_have_no_uncertainty(make):
     assert result.noise.coefficients.shape == (2, 0)
 
 
-@runs(25, 150)
+@pytest.mark.validate
+@pytest.mark.parametrize("runs", [150])
 def test_standard_errors_are_the_spread_of_estimates_whatever_the_gaps(runs):
     W, stated, values = smooth_regressor(samples=600), [], []
     used = np.random.default_rng(9).random((600, 2)) < 0.7
@@ -181,7 +182,8 @@ def test_intervals_cover_with_white_uniform_errors(runs):
     assert_coverage(rates, slack=0.005)
 
 
-@runs(15, 120)
+@pytest.mark.validate
+@pytest.mark.parametrize("runs", [120])
 @pytest.mark.parametrize(
     ("kind", "plain_below"),
     few_of(
@@ -257,7 +259,8 @@ def test_what_clearly_varies_between_recordings_is_named():
     assert "link5.m" in said[0]
 
 
-@runs(8, 150)
+@pytest.mark.validate
+@pytest.mark.parametrize("runs", [150])
 @pytest.mark.parametrize(
     ("count", "varied"),
     few_of([(4, 0.0), (4, 0.02), (4, 0.1), (9, 0.0), (9, 0.1)], (4, 0.0), (4, 0.1)),

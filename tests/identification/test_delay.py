@@ -30,7 +30,6 @@ from loopid.logs import Recording
 from loopid.logs.preparing import prepare_again
 from loopid.motion import scaled_bodies
 from made_runs import elastic, identify_unjudged, simulated, unchecked, wander
-from smooth_data import runs
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "none_missing")
 
@@ -163,7 +162,8 @@ def test_forces_that_are_moved_are_those_of_a_log_that_is_prepared_again(case):
     np.testing.assert_array_equal(moved.log.force, again.log.force)
 
 
-@runs(2, 12)
+@pytest.mark.validate
+@pytest.mark.parametrize("runs", [12])
 def test_intervals_hold_the_delay(case, runs):
     model, _, log = case
     inside, widths = [], []
@@ -304,6 +304,7 @@ def test_forces_that_the_model_lacks_are_no_delay(case):
     assert not found.clear
 
 
+@pytest.mark.validate
 def test_a_log_that_stands_nearly_still_tells_no_delay(case):
     model, _, log = case
     time = np.linspace(0, 60, len(log))

@@ -50,6 +50,7 @@ def errors(rng, shape, correlation, outliers):
     return normal + np.where(rng.random(shape) < outliers, sign, 0.0)
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize(
     ("robot", "correlation", "outliers", "estimator"),
     [

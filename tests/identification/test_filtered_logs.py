@@ -97,6 +97,7 @@ def choice_of(bits, rate=100.0):
     return choose_cutoff(coarse(bits, rate)[0], [prepared(bits, rate)])
 
 
+@pytest.mark.validate
 def test_a_coarse_encoder_asks_for_a_narrow_band():
     narrow, wide = (choice_of(bits).chosen for bits in (10, 17))
     assert 1 < narrow < 4
@@ -246,6 +247,7 @@ def covered(motion, rate, step, runs, seconds=20.0):
     return np.mean(inside, axis=0), np.array(errors)
 
 
+@pytest.mark.validate
 def test_intervals_hold_with_encoder_steps_at_a_high_rate():
     rates, errors = covered("fourier", 1000.0, STEP, 4, seconds=10.0)
     # A twentieth of the rate as cut-off gives means of 4 and a root mean square of 1.8.

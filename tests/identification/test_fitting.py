@@ -29,7 +29,6 @@ from smooth_data import (
     named,
     named_samples,
     outliers,
-    runs,
     smooth_regressor,
 )
 
@@ -186,7 +185,8 @@ def test_the_joint_covariance_is_the_textbooks():
     np.testing.assert_allclose(found.quality.residual_rms, np.sqrt((residual**2).mean(axis=0)))
 
 
-@runs(30, 300)
+@pytest.mark.validate
+@pytest.mark.parametrize("runs", [300])
 @pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")
 def test_intervals_cover_only_with_the_uncertainty_of_the_first_step(runs):
     rates, alone, errors, stated = [], [], [], []

@@ -195,6 +195,7 @@ def test_c_code_has_it_along_its_way(robot, tmp_path):
     np.testing.assert_allclose(again, expected[80], atol=1e-9)
 
 
+@pytest.mark.validate
 def test_a_simulated_controller_meets_it(robot):
     """A force below friction moves a motor by what its springs give; then it comes back."""
     model = loopid.force_model(robot, "full", TERMS)

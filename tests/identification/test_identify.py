@@ -299,6 +299,7 @@ def test_a_serial_robot_with_its_drives_is_identified_in_full(arm):
     assert found.fit.estimator == "ols"
 
 
+@pytest.mark.validate
 def test_an_industrial_robot_is_identified(robot_data, load_once):
     ur5 = load_once(robot_data / "ur_description/urdf/ur5_robot.urdf")
     model = loopid.force_model(ur5, "full", None)
@@ -312,6 +313,7 @@ def test_an_industrial_robot_is_identified(robot_data, load_once):
     assert not judge_essential(found, eliminate(found)).beats_baseline
 
 
+@pytest.mark.validate
 def test_the_full_model_tells_a_changed_drive_of_a_closed_loop(knee):
     kinds = ("Ia", "Fc", "Fv")
     terms = JointTerms(knee.actuated, kinds)

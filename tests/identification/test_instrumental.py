@@ -13,7 +13,6 @@ from smooth_data import (
     autoregressive,
     covered,
     named_samples,
-    runs,
     smooth_regressor,
 )
 
@@ -62,7 +61,8 @@ def test_the_regressor_as_its_own_instrument_is_weighted_least_squares():
     )
 
 
-@runs(12, 60)
+@pytest.mark.validate
+@pytest.mark.parametrize("runs", [60])
 @pytest.mark.parametrize("correlation", [0.0, 0.8])
 def test_it_is_unbiased_and_covers_where_least_squares_does_not(correlation, runs):
     data = [make_run(seed, 300, correlation=correlation) for seed in range(runs)]

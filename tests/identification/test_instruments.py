@@ -44,6 +44,7 @@ def measured(model, motion, truth, seed):
     return Recording.of_motion(joint_motion(robot, noisy), force + errors, robot.actuated)
 
 
+@pytest.mark.validate
 def test_the_reference_removes_the_bias_of_noisy_positions(arm, arm_model, truth, reference):
     commanded, found = joint_motion(arm, reference), {"wls": [], "iv": []}
     for seed in range(DRAWS):

@@ -45,6 +45,7 @@ def test_a_group_left_out_is_a_fit_without_it():
     assert (scatter.freedom <= scatter.present - 1).all()
 
 
+@pytest.mark.validate
 def test_intervals_hold_where_a_model_lacks_a_force_of_the_state():
     """Those of errors within a recording do less often; where nothing lacks both do."""
     covered = {wrong: np.zeros(2) for wrong in (0.0, 0.3)}

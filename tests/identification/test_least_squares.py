@@ -123,6 +123,7 @@ def test_weights_converge_however_small_the_noise():
         np.testing.assert_allclose(deviations, max(level, 1e-10), rtol=0.1)
 
 
+@pytest.mark.validate
 def test_weights_of_little_noise_are_the_same_on_another_processor():
     program = "import json, test_least_squares as t; print(t.nearly_exact_weights().tolist())"
     paths = os.pathsep.join(path for path in sys.path if path)
@@ -192,7 +193,8 @@ def test_weighted_estimates_are_unbiased_sharp_and_covered(runs):
     assert (spread["wls"] < 0.5 * spread["ols"]).all()
 
 
-@runs(100, 400)
+@pytest.mark.validate
+@pytest.mark.parametrize("runs", [400])
 def test_the_shares_of_the_freedom_keep_variances_unbiased(runs):
     # One actuator of 12 samples takes most of 6 parameters: an equal share would be far off.
     rng, found = np.random.default_rng(0), []

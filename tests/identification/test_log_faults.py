@@ -126,8 +126,8 @@ def on_the_page(title):
     return any(all(piece.strip() in title for piece in own) for own in pieces)
 
 
-# One a kind of cause, and one of a robot with four motors.
-ORDINARY = [CASES[k] for k in (1, 3, 5, 6, 7, 11)]
+# One a kind of cause.
+ORDINARY = [CASES[k] for k in (1, 3, 5, 6, 7)]
 
 
 @pytest.mark.parametrize(("name", "spoil", "words", "advice"), few_of(CASES, *ORDINARY))
@@ -176,7 +176,7 @@ ADVISED = [
 ]
 
 
-@pytest.mark.parametrize(("spoil", "factor"), few_of(ADVISED, *ADVISED[1::2], ADVISED[-1]))
+@pytest.mark.parametrize(("spoil", "factor"), few_of(ADVISED, ADVISED[1], ADVISED[-1]))
 def test_advice_as_it_is_printed_mends_a_log(runs, load_once, tmp_path, spoil, factor):
     robot, seconds = load_once("five_bar"), 8.0 if factor != 1 else 30.0
     log = runs.log("five_bar", 0, spoil, factor, seconds)
@@ -261,9 +261,7 @@ MISSED = {"force scales": times(0.5, 1), "zeros": moved(0.3, 1), "time axis": ti
 SPANS = [(what, seconds) for what in MISSED for seconds in (8.0, 30.0, 240.0)]
 
 
-@pytest.mark.parametrize(
-    ("what", "seconds"), few_of(SPANS, SPANS[0], ("zeros", 240.0), SPANS[6], SPANS[8])
-)
+@pytest.mark.parametrize(("what", "seconds"), few_of(SPANS, SPANS[0], SPANS[6], SPANS[8]))
 def test_a_mistake_is_named_or_said_not_to_be_told(runs, what, seconds):
     factor = 2.0 if what == "time axis" else 1.0
     found = runs("five_bar", 0, MISSED[what], factor=factor, seconds=seconds)
@@ -434,6 +432,7 @@ def test_curves_of_friction_explain_no_mistake(load_once):
     )
 
 
+@pytest.mark.validate
 def test_nothing_is_suspected_of_the_real_robots(mechanism, real_recording):
     first, _ = real_recording.split(0.6)
     assert log_faults(mechanism, [first]).mistakes == ()

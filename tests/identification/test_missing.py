@@ -202,6 +202,7 @@ def test_intervals_hold_a_length_that_is_off_by_less_than_is_clear(robot, model)
     assert (np.sqrt(np.diag(plain)) < found.fit.standard_errors / 2).any()
 
 
+@pytest.mark.validate
 def test_a_length_that_is_off_by_less_than_links_are_made_to_is_not_named(robot, model):
     true = run(longer(robot, 4e-5), noise=1e-6)
     there = as_in_the_file(robot, true.motion)

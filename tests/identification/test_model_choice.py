@@ -62,6 +62,7 @@ def test_shares_are_those_of_the_forces_by_cause(five_bar):
     np.testing.assert_allclose(choose_model(five_bar, [run]).shares, expected, rtol=1e-9)
 
 
+@pytest.mark.validate
 def test_the_standard_error_is_that_of_a_factor_of_inertia(five_bar):
     """Of logs with other noise: how far the factor that fits best scatters."""
     runs = [run_of(five_bar, 30.0, noise=0.2, seed=seed) for seed in range(10)]

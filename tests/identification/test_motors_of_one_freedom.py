@@ -47,6 +47,7 @@ def test_friction_of_the_other_motor_is_no_mistake_of_the_time_axis(found):
     assert not [each for each in found.findings if each.severity == "mistake"]
 
 
+@pytest.mark.validate
 def test_reports_number_all_motors(robot, found):
     design = loopid.design_motion(
         loopid.force_model(robot, "gravity"),

@@ -92,7 +92,8 @@ def test_samples_without_errors_are_refused():
         quiet_fit(exact.with_force(exact.force + few), "bisquare")
 
 
-@runs(8, 50)
+@pytest.mark.validate
+@pytest.mark.parametrize("runs", [50])
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
 def test_intervals_cover_where_there_are_outliers(correlation, runs):
     W, rates, errors = smooth_regressor(samples=600), [], {"bisquare": [], "wls": []}

@@ -183,6 +183,7 @@ def test_other_options_of_loading_are_refused(load_once, tmp_path):
         load_fit(path, robot=load_once("3rrr"))
 
 
+@pytest.mark.validate
 def test_closures_and_motors_of_python_survive(tmp_path):
     leg = ROOT / "examples" / "leg.urdf"
     closures, motors = [loopid.Closure("rod_end", "lever", "3d")], ["hip_pitch", "knee_drive"]

@@ -54,14 +54,12 @@ def identified(robot, once):
     return lambda wrong="nothing": once(f"verdict on {wrong}", lambda: found(wrong))
 
 
-@pytest.mark.parametrize(
-    "wrong", few_of(["a spring", "gravity", "a sign", "a zero"], "a spring", "a zero")
-)
+@pytest.mark.parametrize("wrong", few_of(["a spring", "gravity", "a sign", "a zero"], "a spring"))
 def test_a_wrong_model_is_never_praised(identified, wrong):
     assert PRAISE not in str(identified(wrong).verdict)
 
 
-@pytest.mark.parametrize("terms", ["Fc,Fv,Fo", "Fc,Fv,Fo,Ia"])
+@pytest.mark.parametrize("terms", few_of(["Fc,Fv,Fo", "Fc,Fv,Fo,Ia"], "Fc,Fv,Fo"))
 def test_an_arm_whose_rotors_are_missing_is_not(tmp_path, terms):
     path = tmp_path / "arm.urdf"
     path.write_text(ARM)
@@ -73,6 +71,7 @@ def test_an_arm_whose_rotors_are_missing_is_not(tmp_path, terms):
     assert (PRAISE in str(found.verdict)) == ("Ia" in terms)
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("length", few_of(["0.24", "0.2448"], "0.2448"))
 def test_a_robot_whose_length_is_off_by_two_percent_is_not(tmp_path, robot, length):
     """Its errors are above the noise of the sensors, as the log has it."""
@@ -93,6 +92,7 @@ def test_a_robot_whose_length_is_off_by_two_percent_is_not(tmp_path, robot, leng
 def test_a_right_one_is(identified):
     found = identified()
     assert PRAISE in str(found.verdict)
+    assert not any("changes its sign" in each.title for each in found.findings)
     # Its error is the worst of all looks, and no look is far from another.
     shares = np.array(list(found.unseen.shares.values()))
     assert found.verdict.error == pytest.approx(np.nanmax(shares))
@@ -149,7 +149,8 @@ def of_a_drive(robot, lacking, seed=4):
 TURNING = "friction of left_crank_joint changes its sign with speed"
 
 
-@pytest.mark.parametrize("lacking", [0.0, pytest.param(12.0, marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("lacking", [0.0, 12.0])
 def test_a_force_without_what_the_drive_adds_in_proportion_to_speed_is_named(robot, lacking):
     """Its friction brakes at low speed and drives at high speed, as none does."""
     model = loopid.force_model(robot, "full", "Fc,Fv")
@@ -215,7 +216,7 @@ def test_errors_are_looked_at_where_they_are_worst(identified):
 
 @pytest.mark.parametrize(
     "wrong",
-    few_of(["nothing", "a spring", "gravity", "a sign", "a zero"], "nothing", "a spring", "a zero"),
+    few_of(["nothing", "a spring", "gravity", "a sign", "a zero"], "nothing", "a spring"),
 )
 def test_findings_are_two_lines_at_most_the_most_important_first(identified, wrong):
     found = identified(wrong)

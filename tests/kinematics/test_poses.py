@@ -29,7 +29,7 @@ def by_pinocchio(model, frames, q, v):
 
 
 @pytest.mark.parametrize("base", [0.0, 1e4])
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(seed=seeds)
 def test_frames_are_where_pinocchio_has_them(base, seed):
     # Among the joints are those whose axes change in their own frame, which data.dJ leaves out.

@@ -89,6 +89,7 @@ def test_a_difference_of_ranks_is_found_when_asked_for(path):
     assert not compared.alike
 
 
+@pytest.mark.validate
 def test_an_mjcf_that_is_drawn_folded_is_read_alike(tmp_path):
     pytest.importorskip("mujoco")
     (tmp_path / "folded.xml").write_text(folded_robots.FOLDED_MJCF)

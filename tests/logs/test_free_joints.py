@@ -94,6 +94,7 @@ def test_parameters_from_noisy_sensors(model, truth, walked):
     assert np.abs((lost.values - truth) / found.standard_errors).max() > 50
 
 
+@pytest.mark.validate
 def test_an_identification_of_a_robot_on_its_feet(model):
     """Bodies that are not those of the file, from what sensors tell, with intervals."""
     robot, generator = model.robot, np.random.default_rng(5)

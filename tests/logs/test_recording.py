@@ -437,6 +437,7 @@ def test_nearly_all_rows_are_read(real, real_log):
     assert np.abs(real.position - positions[nearest]).max() < 0.03 * 0.006
 
 
+@pytest.mark.validate
 def test_strokes_give_the_logged_pose(mechanism, real, real_log):
     real_recording = prepared(mechanism, real, cutoff=None)
     assert len(real_recording) == len(real)

@@ -68,6 +68,7 @@ def test_the_verdict_counts_the_rows_that_are_found(paper):
         assert verdict.startswith(f"{count} of the 15 rows")
 
 
+@pytest.mark.validate
 def test_a_subgroup_search_that_finds_nothing_is_said_so(paper):
     """As by the pseudocode, on some processors."""
     strict = SubgroupSearch(condition_limit=1.5)

@@ -200,6 +200,7 @@ def logged(knee, coarse, paper, log_of, recording_of):
         return quietly(reproduce_paper, [str(log_of(knee))])
 
 
+@pytest.mark.validate
 def test_a_real_log_takes_the_place_of_the_stand_in(logged):
     actual = logged.actual
     assert not actual.is_stand_in

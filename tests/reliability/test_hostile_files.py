@@ -10,6 +10,7 @@ import pytest
 from spoiling import LAUGHS
 
 import loopid
+from bank_robots import few_of
 from loopid import load_fit
 from loopid.errors import LoopidError, RobotFileError
 from loopid.formats import mjcf_compiler
@@ -194,7 +195,7 @@ MORE = {
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        *(pytest.param(*case, id=name) for name, case in TOO_LARGE.items()),
+        *few_of(TOO_LARGE.values(), TOO_LARGE["user data"]),
         *(
             pytest.param(content, MEMORY, id=name, marks=pytest.mark.validate)
             for name, content in MORE.items()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import loopid
+from bank_robots import few_of
 from loopid.base_parameters.structure import analyse
 from loopid.errors import LogError
 from loopid.identification.fitting import quiet_fit
@@ -82,9 +83,15 @@ def test_the_same_number_of_parameters_can_be_known(robots, model):
 
 
 @pytest.mark.parametrize(
-    ("name", "model", "rank"), [("four_bar", "gravity", 4), ("3rpr", "full", 0)]
+    ("name", "model", "rank", "unit"),
+    few_of(
+        [
+            *(("four_bar", "gravity", 4, 3e-5), ("four_bar", "gravity", 4, 1e6)),
+            *(("3rpr", "full", 0, 3e-5), ("3rpr", "full", 0, 1e6)),
+        ],
+        *(("four_bar", "gravity", 4, 1e6), ("3rpr", "full", 0, 3e-5)),
+    ),
 )
-@pytest.mark.parametrize("unit", [3e-5, 1e6])
 def test_tolerances_are_relative_to_the_size_of_the_robot(tmp_path, name, model, rank, unit):
     structures = [
         analyse(loopid.regressors.structural_observation(robot, model))

@@ -44,12 +44,12 @@ HOSTILE = (
 
 
 @pytest.fixture(scope="module")
-def pages(study, knee, paper, once):
+def pages(study, knee, paper, designed, once):
     """Pages of all kinds of parts."""
-    return once("pages", lambda: made(study, knee, paper))
+    return once("pages", lambda: made(study, knee, paper, designed))
 
 
-def made(study, knee, paper):
+def made(study, knee, paper, designed):
     run = "loopid identify 3ups_rpu run.csv"
     return {
         "identification": identification_report(study, "loopid excite").page(run).html(),
@@ -62,7 +62,7 @@ def made(study, knee, paper):
         .page(run)
         .html(),
         "payload": payload_report(knee, quietly(payload, study)).page(run).html(),
-        "excitation": excitation_report(quietly(design, study)).page(run).html(),
+        "excitation": excitation_report(designed).page(run).html(),
         "paper": paper_report(paper).page(run).html(),
         "hostile": hostile(),
     }
@@ -78,11 +78,6 @@ def payload(study, mass=6.0):
     weight = mass * columns[..., model.base.parameters.labels.index("platform.m")]
     loaded = Recording.of_motion(motion, run.force + weight, run.actuators)
     return loopid.identify_payload(model, link="platform", unloaded=[run], loaded=[loaded])
-
-
-def design(study):
-    options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
-    return loopid.design_motion(study.force_model, options=options)
 
 
 def prediction_of(study):

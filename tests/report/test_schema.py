@@ -41,7 +41,7 @@ REPORTS = {
     "motions": lambda get: motions_report(
         "five_bar", {"a": MotionReview((), 0.05, 2.5, 0.01, {"a": 0.3})}, {"a": 12.0}
     ),
-    "excitation": lambda get: excitation_report(design(get("five_bar"))),
+    "excitation": lambda get: excitation_report(get("designed")),
     "identification": lambda get: identification_report(get("study"), "loopid excite"),
     "prediction": lambda get: prediction_report(get("knee"), [prediction(get("study"))]),
     "gains": lambda get: gains_report(get("five_bar"), gains()),
@@ -56,11 +56,6 @@ def base(robot, model):
     found = loopid.base_parameters.find_base(observation)
     other = None if alone is None else loopid.base_parameters.find_base(alone)
     return base_report(robot, model, found, other)
-
-
-def design(robot):
-    options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
-    return loopid.design_motion(loopid.force_model(robot, joint_terms=None), options=options)
 
 
 def prediction(study):

@@ -153,7 +153,8 @@ def null_space(matrix: FloatArray, tolerance: float = RANK_TOLERANCE) -> FloatAr
 
 def least_over_largest(matrices: FloatArray) -> FloatArray:
     """Ratio (N,) of the n-th singular value to the first of matrices (N, m, n)."""
-    return Factorisation.of(matrices).least_over_largest
+    values = np.asarray(np.linalg.svd(matrices, compute_uv=False), dtype=np.float64)
+    return ratio_to_largest(values, matrices.shape[2])
 
 
 @record(checked="outside")
