@@ -19,8 +19,8 @@ from loopid.identification import log_faults
 from loopid.identification.evidence import Evidence
 from loopid.identification.log_mistakes import _Find
 from loopid.identification.log_timing import late_by_seconds
-from loopid.kinematics import measured_coordinates
 from loopid.identification.mistake_kinds import KINDS
+from loopid.kinematics import measured_coordinates
 from loopid.logs import FilterOptions, LogMapping, Recording
 from loopid.motion import Motion, Noise, Waypoint, joint_motion, point_to_point, scaled_bodies
 from loopid.regressors import force_parts
