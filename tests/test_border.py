@@ -21,6 +21,7 @@ closures:
 REFUSED = {
     "a key": ("axxes: [[0, 0, 1], [0, 0, 1]]", 7, "closures.1", "did you mean 'axes'?"),
     "a number": ("axes: [[0, 0, 1], [0, 0, far]]", 7, "closures.1.axes.1.2", "a number, not 'far'"),
+    "a list": ("axes: [up, [0, 0, 1]]", 7, "closures.1.axes.0", "must be a list, not 'up'"),
     "true": ("length: true", 7, "closures.1.length", "must not be or hold true or false"),
     "a kind": ("length: 1", 7, "closures.1", "unknown key of a hinge closure 'length'"),
     "several": ("axes: [[0, 0, a], [0, 0, b]]", 7, "closures.1.axes.0.2", "(and 1 more)"),

@@ -33,6 +33,9 @@ WORDS = {
     "less_than": "must be below {lt:g}",
     "less_than_equal": "must be {le:g} or less",
     "sequence_str": "must be a sequence",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "dict_type": "must be keys with values, as {{key: value}}",
 }
 SHORTER = {
     "Input should be": "must be",

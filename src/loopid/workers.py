@@ -28,7 +28,7 @@ def ordered_map(
     function: Callable[[Item], Result], items: Iterable[Item], n_jobs: int = 1
 ) -> Iterator[Result]:
     """Results in the order of the items, one BLAS thread to each process."""
-    require_processes(n_jobs, "n_jobs")
+    require_processes(n_jobs)
     if n_jobs == 1:
         return (_on_one_thread(function, item) for item in items)
     return _in_workers(function, items, n_jobs)
@@ -52,14 +52,14 @@ def _in_workers(
         ) from error
 
 
-def require_processes(count: int, name: str) -> None:
+def require_processes(n_jobs: int) -> None:
     """Refuse what is no number of processes, or more than a machine with such cores can use."""
     most = max(LEAST_MOST, 4 * (os.cpu_count() or 1))
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
+    if isinstance(n_jobs, bool) or not isinstance(n_jobs, int) or not 1 <= n_jobs <= most:
         raise OptionError(
-            f"{name} must be a number of processes from 1 to {most}, not {count!r}",
-            argument=name,
-            given=count,
+            f"n_jobs must be a number of processes from 1 to {most}, not {n_jobs!r}",
+            argument="n_jobs",
+            given=n_jobs,
         )
 
 

@@ -720,7 +720,7 @@ def test_the_same_model_gives_the_same_code():
 def test_refusals(monkeypatch):
     found = force_model("five_bar", "gravity", ())
     for name in ("1bar", "five bar", "", "é", "a__b", "a_"):
-        with pytest.raises(OptionError, match="letters and digits"):
+        with pytest.raises(OptionError, match="begin with a letter, then letters and digits"):
             c_source(found, name=name)
     with pytest.raises(DataError, match=r"shape \(\d+,\), not \(2,\)"):
         c_source(found, values=np.zeros(2))

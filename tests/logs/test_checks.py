@@ -232,6 +232,22 @@ def test_angles_in_degrees(swings, made):
     assert float(advised[1]) * 180 == pytest.approx(np.pi, rel=1e-9)
 
 
+def test_a_scale_that_is_wrong_is_replaced_as_advised(swings, tmp_path):
+    time, path = np.arange(0, 5, 0.01), tmp_path / "log.csv"
+    columns = {"time": time, "swing.position": np.sin(3 * time), "swing.force": np.sin(time)}
+    polars.DataFrame(columns).write_csv(path)
+
+    def read(scale):
+        mapping = loopid.logs.LogMapping(position_scale=scale)
+        return read_log(path, swings["revolute"], mapping=mapping)
+
+    with pytest.raises(LogError) as said:
+        read(180 / np.pi)
+    advised = re.search(r"give position_scale: (\S+) in a mapping", str(said.value))
+    found = read(float(advised[1])).position[:, 0]
+    np.testing.assert_allclose(found, np.sin(3 * time), atol=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["continuous", "wide"])
 def test_turns_are_counted_on(swings, made, kind):
     time = np.arange(0, 10, 0.01)

@@ -103,8 +103,8 @@ def c_source(
     chosen = _identifier(model.robot.name) if name is None else name
     if not IDENTIFIER.fullmatch(chosen):
         raise OptionError(
-            "the name of C functions must be letters and digits with single _ between them, not "
-            f"{chosen!r}",
+            "the name of C functions must begin with a letter, then letters and digits with single "
+            f"_ between them, not {chosen!r}",
             given=chosen,
         )
     given = _value_fields(model, chosen, values)

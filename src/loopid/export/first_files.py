@@ -182,7 +182,7 @@ def _loaded(path: Any, options: Mapping[str, Any], pairs: Any = ()) -> Robot:
         return load(path, closures=[Closure(*pair) for pair in pairs], **options)
 
 
-def _mapping_text(robot: Robot, motors: tuple[str, ...] = (), log: str | Path | None = None) -> str:
+def _mapping_text(robot: Robot, motors: tuple[str, ...], log: str | Path | None) -> str:
     """The mapping of a log of a robot: its columns, where they are found by name."""
     name = "A log" if log is None else Path(log).name
     found, said = ({}, []) if log is None else _found(robot, motors, Path(log))

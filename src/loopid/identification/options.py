@@ -73,7 +73,7 @@ class FitOptions:
             raise OptionError(
                 f"fraction must be between 0 and 1, not {self.fraction}", given=self.fraction
             )
-        require_processes(self.n_jobs, "n_jobs")
+        require_processes(self.n_jobs)
 
     def require_terms(self, robot: Robot | ForceModel) -> None:
         """Refuse joint terms that a robot cannot have, before any work is done.

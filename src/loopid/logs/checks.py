@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -165,7 +165,8 @@ def _require_units(robot: Robot, stream: Stream) -> None:
 def _inside_limits(robot: Robot, stream: Stream) -> Stream:
     """The stream without rows where a position is far outside the limits of its joint."""
     lost = np.zeros(len(stream.rows), dtype=bool)
-    for joint, values in stream.signals("position"):
+    for k in stream.places("position"):
+        joint, values = stream.channels[k].joint, stream.values[:, k]
         lower, upper = robot.limits(joint)
         if not lower < upper:  # limits that leave no room are none
             continue
@@ -182,12 +183,13 @@ def _inside_limits(robot: Robot, stream: Stream) -> Stream:
             )
             if refused:
                 straight = robot.velocity_indices([joint])[0] in robot.prismatic
-                every = [each for each, _ in stream.signals("position")]
-                slides = [robot.velocity_indices([each])[0] in robot.prismatic for each in every]
-                alike = [each for each, s in zip(every, slides, strict=True) if s == straight]
-                # A number for all would scale hinges and slides.
-                mixed = () if len(alike) == len(every) else tuple(alike)
-                advice = _advice(straight, lower, upper, values, mixed)
+                every = [stream.channels[place] for place in stream.places("position")]
+                slides = [robot.velocity_indices([c.joint])[0] in robot.prismatic for c in every]
+                alike = [c for c, s in zip(every, slides, strict=True) if s == straight]
+                scales = {c.joint: c.scale for c in alike}
+                # A number for all would scale hinges and slides, or what has a scale of its own.
+                mixed = len(alike) < len(every) or len({*scales.values()}) > 1
+                advice = _advice(straight, lower, upper, values, scales, mixed)
                 facts = {"joint": joint, "limits": (lower, upper), "given": worst}
                 raise stream.refused(f"{said}; {advice}", **facts)
             warn(f"{stream.source}: {said}: kept", DataWarning)
@@ -196,17 +198,24 @@ def _inside_limits(robot: Robot, stream: Stream) -> Stream:
 
 
 def _advice(
-    straight: bool, lower: float, upper: float, values: FloatArray, alike: tuple[str, ...]
+    straight: bool,
+    lower: float,
+    upper: float,
+    values: FloatArray,
+    scales: Mapping[str, float],
+    mixed: bool,
 ) -> str:
     """What change of unit or origin would bring values (R,) inside limits.
 
-    ``alike`` are the joints to be scaled; none where these are all.
+    ``scales`` are those by which joints of this kind were read, ``mixed`` whether each needs its
+    own number.
     """
     for name, factor in (OTHER_LENGTHS if straight else OTHER_ANGLES).items():
         scaled = values * factor
         if ((scaled >= lower) & (scaled <= upper)).mean() >= FITTING:
-            each_one = ", ".join(f"{each}: {factor:.10g}" for each in alike)
-            scale = f"{{{each_one}}}" if alike else f"{factor:.10g}"
+            numbers = {each: f"{factor * given:.10g}" for each, given in scales.items()}
+            each_one = ", ".join(f"{each}: {number}" for each, number in numbers.items())
+            scale = f"{{{each_one}}}" if mixed else next(iter(numbers.values()))
             return (
                 f"times {name} they would fit: give position_scale: {scale} in a mapping, or units "
                 "of Log.from_arrays"

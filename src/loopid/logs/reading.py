@@ -177,7 +177,8 @@ def read_streams(
     """The streams of the motors, that of the first position first; of it, only some ``rows``."""
     if rows is not None and (rows[0] < 1 or (rows[1] is not None and rows[1] < rows[0])):
         raise OptionError(
-            f"rows must be counted from 1, the first before the last, not {rows}", given=rows
+            f"rows must be counted from 1, the first before the last, not {rows[0]} to {rows[1]}",
+            given=rows,
         )
     log = open_log(path, mapping)
     source = str(path)
