@@ -139,7 +139,7 @@ def choose_cutoff(
 
     Examples
     --------
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load("five_bar")
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)

@@ -82,7 +82,7 @@ class ExternalWrench:
 
     Examples
     --------
-    >>> import numpy as np, loopid
+    >>> import loopid
     >>> robot = loopid.load("five_bar")
     >>> weight = loopid.ExternalWrench("right_coupler", [[0, 0, -10.0, 0, 0, 0]], axes="world")
     >>> forces = loopid.logs.wrench_forces(robot, robot.reference, [weight])

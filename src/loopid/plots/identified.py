@@ -481,7 +481,6 @@ def filter_chart(found: CutoffChoice) -> Chart:
     >>> robot = loopid.load("five_bar")
     >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
-    >>> data = loopid.identification.samples_of(model, [run])
     >>> choice = loopid.identification.choose_cutoff(model, [run])
     >>> loopid.plots.filter_chart(choice).x_label
     'cut-off (Hz)'
