@@ -1,6 +1,6 @@
 """A format of logs that loopid does not know: a class and a line, without a change inside loopid.
 
-Here a controller writes a sample a line, as JSON. Formats of robot files and dialects of URDF are
+Here a controller writes Arrow files. Formats of robot files and dialects of URDF are
 registered alike (``loopid.registry``).
 """
 
@@ -18,28 +18,27 @@ from loopid.registry import log_formats
 CSV = Path(__file__).parents[1] / "urdf" / "logs" / "five_bar.csv"
 
 
-class JsonLines(LogFormat):
-    """One stream, a sample a line."""
+class Arrow(LogFormat):
+    """One stream, a sample a row."""
 
-    endings = (".jsonl",)
+    endings = (".arrow",)
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         """Names of the columns of the stream."""
-        return {self.path.name: tuple(polars.read_ndjson(self.path).columns)}
+        return {self.path.name: tuple(polars.read_ipc_schema(self.path))}
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
         """The chosen columns, with the numbers of their rows."""
-        cells = polars.read_ndjson(self.path).select(*times, *values)
+        cells = polars.read_ipc(self.path).select(*times, *values)
         return [Table(cells, np.arange(1, len(cells) + 1))]
 
 
-log_formats.register("jsonl", JsonLines)
+log_formats.register("arrow", Arrow)
 
 robot = loopid.load("five_bar")
 with TemporaryDirectory() as folder:
-    path = Path(folder) / "run.jsonl"
-    polars.read_csv(CSV).write_ndjson(path)
-    print(path.read_text().splitlines()[0])
+    path = Path(folder) / "run.arrow"
+    polars.read_csv(CSV).write_ipc(path)
     log = loopid.read_log(path, robot)
 print(log)
 print(loopid.prepare(robot, log))

@@ -16,6 +16,8 @@ from typer.testing import CliRunner
 import loopid
 from loopid.cli import app
 from loopid.export.first_files import file_schema
+from loopid.registry import log_formats, robot_formats
+from loopid.regressors import JOINT_TERMS
 from made_runs import first_rows
 
 ROOT = Path(__file__).parents[1]
@@ -33,6 +35,12 @@ def blocks(page, language):
 def test_the_python_of_a_page_runs_from_top_to_bottom(page, short_logs, tmp_path, monkeypatch):
     (tmp_path / "urdf").symlink_to(short_logs / "urdf")
     monkeypatch.chdir(tmp_path)
+    for registry in (
+        JOINT_TERMS,
+        log_formats,
+        robot_formats,
+    ):  # pages register entries of their own
+        monkeypatch.setattr(registry, "_entries", {**registry._entries})
     names = {"__name__": "__page__"}
     for number, block in enumerate(blocks(page, "python"), 1):
         exec(compile(block, f"{page.name}, block {number}", "exec"), names)

@@ -82,6 +82,13 @@ def test_a_stop_in_the_middle_leaves_the_old_files_as_they_were(tmp_path, monkey
     assert contents(tmp_path) == old
 
 
+def test_a_file_that_the_disk_has_no_room_for_is_named(tmp_path, monkeypatch):
+    fail_at(monkeypatch, "fsync", 1, OSError(28, "No space left on device"))
+    with pytest.raises(FileError, match=rf"{tmp_path}/page\.md: No space left on device"):
+        write_file(tmp_path / "page.md", "text")
+    assert contents(tmp_path) == {}
+
+
 def test_text_that_cannot_be_encoded_is_escaped(tmp_path):
     write_files(tmp_path, {"good.txt": "good", "odd.txt": "log \udcff.csv"})
     assert contents(tmp_path) == {"good.txt": b"good", "odd.txt": b"log \\udcff.csv"}

@@ -105,7 +105,8 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list
             draft.replace(place)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FileError(f"cannot write to {error.filename or directory}: {reason}") from error
+        target = directory / next(iter(contents)) if len(contents) == 1 else directory
+        raise FileError(f"cannot write to {error.filename or target}: {reason}") from error
     except ValueError as error:  # as of names with null characters
         raise FileError(f"cannot write to {directory}: {error}") from error
     finally:

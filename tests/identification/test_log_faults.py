@@ -19,6 +19,7 @@ from loopid.identification import log_faults
 from loopid.identification.evidence import Evidence
 from loopid.identification.log_mistakes import _Find
 from loopid.identification.log_timing import late_by_seconds
+from loopid.identification.mistake_kinds import KINDS
 from loopid.kinematics import measured_coordinates
 from loopid.logs import FilterOptions, LogMapping, Recording
 from loopid.motion import Motion, Noise, Waypoint, joint_motion, point_to_point, scaled_bodies
@@ -562,3 +563,10 @@ def test_a_mistake_of_positions_shows_in_the_force_of_any_motor(load_once):
         r"are (\S+) % of the force of right_crank_joint instead of (\S+) %", zero.why
     )
     assert float(figures[1]) == pytest.approx(float(figures[2]) / 5, rel=0.1)
+
+
+def test_a_size_is_called_by_a_cause_that_its_interval_holds():
+    time = KINDS["factor"]
+    assert time.cause(3.94, 0.7) is None
+    assert time.cause(3.94, 1.1) == (5.0, "")
+    assert time.cause(1.95, 0.01) == (2.0, "")

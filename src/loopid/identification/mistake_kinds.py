@@ -62,7 +62,7 @@ class MistakeKind(NamedTuple):
             if size * factor > 0
         ]
         off, cause = min(near, default=(inf, (1.0, "")))
-        return cause if off <= max(self.slack, 1.5 * reach / abs(size)) else None
+        return cause if off <= max(self.slack, reach / abs(size)) else None
 
     @property
     def added(self) -> bool:
