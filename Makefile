@@ -23,10 +23,12 @@ test pages test-kernels validate: export OPENBLAS_NUM_THREADS = 1
 test: .venv/test
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
-# What README, docs, docstrings and examples show is run, and the site is built.
+# What README, docs, docstrings and examples show is run, and the site is built. Reports are looked
+# at in a browser.
 pages: .venv/test
 	$(BIN)/python -m pytest -m "pages and not validate" -n auto --dist worksteal \
-	    $(addprefix tests/test_,api.py docs.py examples.py readme.py site.py)
+	    $(addprefix tests/test_,api.py docs.py examples.py readme.py site.py) \
+	    tests/report/test_html_pages.py
 
 # What is numerical, but for Monte Carlo and refusals, with the linear algebra of processors without
 # AVX-512, and without AVX.

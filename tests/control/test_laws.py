@@ -175,12 +175,12 @@ def test_online_gravity_finds_a_payload_and_when_it_came(load_once):
     )
 
     def load(k, _):
-        if k == 300:
+        if k == 150:
             loop.load("left_coupler", body)
 
-    loop.run(*knee_motion(loop.position, 600), at_sample=load)
+    loop.run(*knee_motion(loop.position, 400), at_sample=load)
     assert len(law.changes) == 1
-    assert 300 < law.changes[0] < 400
+    assert 150 < law.changes[0] < 250
     assert np.isclose(law.payload[0][0], body[0], rtol=0.05)
 
 

@@ -263,6 +263,7 @@ def framed(*pages, looks=((800, "light"),)):
     return "<!DOCTYPE html><body>" + "".join(frames)
 
 
+@pytest.mark.pages
 def test_no_request_leaves_a_page(pages, tmp_path, proxy):
     """The policy stops a script that got into a page nevertheless; one outside of them is seen."""
     address, asked = proxy
@@ -293,6 +294,7 @@ document.body.dataset.told = JSON.stringify([opened, views,
 """
 
 
+@pytest.mark.pages
 def test_a_chart_zooms_in_all_its_panels_and_tells_its_values_and_a_print_unfolds(tmp_path):
     time = np.linspace(0.0, 8.0, 801)
     panels = tuple(Panel(f"p{k}", (Mark("twice", time, 2 * time),)) for k in range(2))
@@ -376,6 +378,7 @@ WRONG = """<!DOCTYPE html><style>body { background: #fff; } b { position: absolu
 <body><p style="width:2000px;color:#999">faint</p><p class="card"><b>one</b><b>two</b></p>"""
 
 
+@pytest.mark.pages
 def test_nothing_on_a_page_is_cut_covered_or_faint(pages, tmp_path):
     """At three widths, light and dark; what is wrong on another page is seen."""
     own = [page for name, page in pages.items() if name != "hostile"]
