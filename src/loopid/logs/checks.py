@@ -136,7 +136,7 @@ def _require_usual_step(stream: Stream) -> None:
         fitting = [factor for factor in OTHER_TIMES if shortest <= step * factor <= longest]
         factors = " or ".join(f"{factor:g}" for factor in fitting)
         unit = next((unit for unit, each in NANOSECONDS.items() if each / 1e9 in fitting), None)
-        do = "give times in s"
+        do = "give times in s, or the rate of even rows in Hz"
         if unit is not None:
             do = (
                 "give the unit of the time in a mapping, as time: "
