@@ -402,7 +402,8 @@ def with_delay_errors(
         errors = fit.standard_errors
         scale = np.where(errors > 0, errors, 1.0)
         squares, turn = np.linalg.eigh(fit.covariance / np.outer(scale, scale))
-        root = scale[:, None] * turn * np.sqrt(np.maximum(squares, 0.0))
+        root = scale[:, None] * turn * np.sqrt(np.maximum(squares, 0.0))  # C = root rootᵀ
+        # Directions in which C is wider than the samples make it are cut to that.
         informed, turn = np.linalg.eigh((R @ root).T @ (R @ root))
         root = root @ turn / np.sqrt(np.maximum(informed, 1.0))
         moved = root @ (root.T @ pushed)
