@@ -62,9 +62,9 @@ ROUNDS = 2
 SPREAD, MOST_AT_REST = 0.05, 0.75
 # Terms of a group that the data determine, below which it has no effect.
 NO_EFFECT = 0.01
-# Errors of a motor with friction that dissipates, over those of all parameters, from which it may
-# drive. A force that the model lacks is taken for such friction, too: errors are 1.0 times those.
-MUCH_WORSE = 2.0
+# Errors of a motor with friction that dissipates, over those of all parameters, from which on it
+# drives. A force that the model lacks looks like such friction, too: errors are 1.0 times those.
+DRIVES = 2.0
 
 
 def motor_use(
@@ -100,7 +100,7 @@ def allowing_drives(
     if turning:
         standard = consistent_parameters(force_model, data, whole.require_noise())
         dissipating = fit_quality(data.problem, force_model.base.values(standard)).residual_rms
-        worse = dissipating > MUCH_WORSE * fit_quality(data.problem, whole.values).residual_rms
+        worse = dissipating > DRIVES * whole.quality.residual_rms
         turning = tuple(joint for joint in turning if worse[data.actuators.index(joint)])
     return replace(force_model, free_friction=bool(turning) and force_model.automatic), turning
 

@@ -122,7 +122,7 @@ class MissingForce:
 
     @property
     def zero(self) -> bool:
-        """Whether it is a zero of a motor that is off."""
+        """Whether it is a zero of a motor that is off: a clear one, as others are none."""
         return bool(not self.motor and self.unit)
 
     @property
@@ -147,9 +147,9 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
     first, clear = alike[0], alike[0].certainty == "clear"
     severity: Severity = "warning" if clear else "note"
     perhaps, allowed = ("", "") if clear else (" perhaps", "; intervals allow for it")
-    if first.zero:
-        off = f"by {first.number:.3g} {first.unit}; {first.effect}{allowed}"
-        return Finding(severity, f"zero of {first.law} is{perhaps} off", off, first.do)
+    if first.zero:  # always a clear one
+        off = f"by {first.number:.3g} {first.unit}; {first.effect}"
+        return Finding(severity, f"zero of {first.law} is off", off, first.do)
     if not first.motor:
         return Finding(
             severity,

@@ -45,10 +45,8 @@ def ripple_columns(
     one over the deviations of forces.
     """
     beside, robot = _Beside(data, weights), force_model.robot
-    found, ripples = (
-        np.zeros((*data.force.shape, 2 * MOST_RIPPLES)),
-        list[tuple[str, float, float]](),
-    )
+    found = np.zeros((*data.force.shape, 2 * MOST_RIPPLES))
+    ripples = list[tuple[str, float, float]]()
     for row, motor in enumerate(data.actuators):
         if motor in robot.actuated and robot.joint(motor).nv == 1:
             own, numbers, sizes = _of_motor(robot.joint(motor), row, beside, recordings)

@@ -370,7 +370,7 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
     for wrong in _wrong(found):
         return (), wrong.do
     for lacking in found.missing:
-        if lacking.zero and lacking.certainty == "clear":
+        if lacking.zero:
             return (), lacking.do
     excite = found.identifiability.leads or _least_known(found)
     least = " and ".join(excite[:LEAST_CERTAIN])
