@@ -392,7 +392,10 @@ def init(
     floating_base: bool = Option(False, "--floating-base", help="The root moves freely."),
     xacro: list[str] | None = XACRO,
 ) -> None:
-    """Write a YAML and a mapping to fill in, with the closures that a file shows."""
+    """Write a YAML and a mapping to fill in.
+
+    The YAML has the closures that the file shows. The mapping names the columns of the log.
+    """
     from loopid.export.first_files import write_in_words
 
     options = {"floating_base": floating_base, "xacro": macro_arguments(xacro)}
@@ -425,7 +428,10 @@ def schema(
         autocompletion=completion.words_of("export.first_files:FORMS"),
     ),
 ) -> None:
-    """Print the JSON schema of a YAML, by which editors complete keys and mark mistakes."""
+    """Print the JSON schema of a YAML, for editors.
+
+    They complete keys by it, and mark mistakes.
+    """
     from loopid.export.first_files import file_schema
 
     typer.echo(json.dumps(file_schema(kind), indent=1, ensure_ascii=False))
