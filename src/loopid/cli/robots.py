@@ -16,7 +16,7 @@ from loopid.cli import completion
 from loopid.cli.advice import command_with, in_options
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError, shown
-from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
+from loopid.files import require_ending, require_name, require_other_file, write_file, write_files
 from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -224,7 +224,7 @@ def simulate(
     if out is not None:
         require_name(out, "the log")
         require_other_file(out, *own_files(robot), *filter(None, [program]))
-        require_own_kind(out, LOG_ENDINGS)
+        require_ending(out, LOG_ENDINGS)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     planned = read_motion_program(program or _bundled_motions(robot)).motion(motion, rate)
     text = simulate_log(robot, planned, errors, terms=terms, cad_error=cad_error, seed=seed)
