@@ -231,7 +231,7 @@ class Description(Section):
             one, two = len(getattr(self, first)), len(getattr(self, second))
             if one != two:
                 raise ValueError(
-                    f"'{first}' must be as long as '{second}', but their lengths are {one} and {two}"
+                    f"'{first}' must be as long as '{second}', but lengths are {one} and {two}"
                 )
         for name, limits in self.limits.items():
             if limits and not limits[0] < limits[1]:
