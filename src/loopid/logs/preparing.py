@@ -137,7 +137,9 @@ def prepare(
             valid=robot.actuated,
         )
     read = check_log(robot, log)
-    log = apart_at_jumps(without_frozen(read))
+    if read.static:
+        filter = replace(filter, cutoff=None)  # noqa: A001
+    log = read if read.static else apart_at_jumps(without_frozen(read))
     lowpass = filter.lowpass(provisional_cutoff(robot, log))
     limits = saturation_of(robot, log)
     log = long_enough(log, lowpass)
@@ -186,7 +188,7 @@ def prepare(
         history=history,
         filter=filter,
         masks=masks,
-        log=read,
+        log=None if read.static else read,
     )
     wrenches = [replace(one, values=one.values[rows]) for one in signals.wrenches]
     return recording.with_wrenches(robot, wrenches)
@@ -338,6 +340,8 @@ def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
     kept = partial(log.by_part, lowpass.apply) if lowpass else np.asarray
     position = kept(log.position)
     velocity, acceleration = log.velocity, log.acceleration
+    if log.static:
+        velocity = acceleration = np.zeros_like(position)
     v = log.by_part(differentiate, position) if velocity is None else kept(velocity)
     a = log.by_part(differentiate, v) if acceleration is None else kept(acceleration)
     wrenches = [replace(wrench, values=kept(wrench.values)) for wrench in log.wrenches]
@@ -383,10 +387,10 @@ class FreeMotion(NamedTuple):
 def free_motion(robot: Robot, log: Log, free: Mapping[str, FloatArray]) -> FreeMotion:
     """Joints (N, k) of a log that no motor moves, filtered, and their derivatives."""
     q = np.tile(robot.reference, (len(log), 1))
-    if not free:
-        return FreeMotion(q, *np.zeros((2, len(log), robot.model.nv)))
     for name, values in free.items():
         _write(robot, name, q, values)
+    if log.static or not free:
+        return FreeMotion(q, *np.zeros((2, len(log), robot.model.nv)))
     steps = difference(robot, q[:-1], q[1:])
     way = np.concatenate([np.zeros((1, robot.model.nv)), np.cumsum(steps, axis=0)])
     v = log.by_part(differentiate, way)
@@ -601,7 +605,7 @@ def sticking(log: Log, velocity: FloatArray) -> BoolArray:
     times the time it goes sixteen times as far, of which a step may be hidden.
     """
     found = np.zeros(velocity.shape, dtype=bool)
-    for k, joint in enumerate(log.joints):
+    for k, joint in enumerate(() if log.static else log.joints):
         position, speed, step = log.position[:, k], np.abs(velocity[:, k]), log.step_of(joint)
         fast = speed >= np.percentile(speed, 99) / 2
         changes = np.append(np.diff(position) != 0, True) & fast
@@ -641,6 +645,8 @@ def idle_samples(robot: Robot, log: Log, velocity: FloatArray, rows: IntArray) -
 
     Rows (K,) show its usual speed.
     """
+    if log.static:  # where all motors were let come to rest before they were read
+        return np.zeros(velocity.shape, dtype=bool)
     if log.idle_speed is None:
         speeds = idle_speeds(robot, velocity[rows])
     else:  # at a speed of zero no motor counts as standing
