@@ -222,8 +222,7 @@ def payload(
 
     inputs = [*filter(None, (robot.path, *(mapping or ()), *unloaded, *loaded_log))]
     of_unloaded, of_loaded = mapping_of_each(mapping, unloaded=unloaded, loaded=loaded_log)
-    answer.require(*inputs)
-    _require_gains(known_mass, centre, write_mapping, inputs)
+    _require_gains(answer, inputs, known_mass, centre, write_mapping)
     robot = locked_as_logged(robot, unloaded[0], mapping=of_unloaded[0])
     runs: dict[str, Sequence[Recording]] = {
         "unloaded": recordings(robot, unloaded, of_unloaded, cutoff, rows),
@@ -246,9 +245,14 @@ def payload(
 
 
 def _require_gains(
-    known_mass: float | None, centre: str | None, mapping: str | None, inputs: Sequence[Path | str]
+    answer: Answer,
+    inputs: Sequence[Path | str],
+    known_mass: float | None,
+    centre: str | None,
+    mapping: str | None,
 ) -> None:
-    """Refuse options of gains without a mass, and a mapping in the place of an input."""
+    """Refuse options of gains without a mass, and results in the place of an input."""
+    answer.require(*inputs)
     if known_mass is None and (centre or mapping):
         given = "--centre" if centre else "--write-mapping"
         raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")
