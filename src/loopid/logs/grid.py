@@ -155,8 +155,8 @@ def with_increasing_stamps(stream: Stream) -> Stream:
         rate = float(np.ptp(stream.rows)) / span
         raise stream.refused(
             f"time stands still, with other values, in {rows_text(stream.rows[again])} of "
-            f"{len(again)} (at most {REPEATED_STAMPS:.0%} may be left out): if rows are even and the "
-            f"clock is coarse, give rate: {rate:.6g} in a mapping, or such times in Python",
+            f"{len(again)} (at most {REPEATED_STAMPS:.0%} may be left out): if rows are even and "
+            f"the clock is coarse, give rate: {rate:.6g} in a mapping, or such times in Python",
             tolerance=REPEATED_STAMPS,
             rate=rate,
         )
