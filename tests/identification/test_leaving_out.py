@@ -8,7 +8,7 @@ import pytest
 import loopid
 from loopid import FitOptions, identify
 from loopid.identification import samples_of
-from loopid.identification.leaving_out import FOLDS, kept_without, segments_of
+from loopid.identification.leaving_out import FOLDS, kept_without, segments_of, single_moves
 from loopid.motion import scaled_bodies
 from made_runs import modelled, quietly, wander
 
@@ -50,6 +50,25 @@ def test_segments_take_no_part_in_the_fits_that_judge_them(model, runs):
     for k, each in enumerate(kept):
         apart = np.abs(time[each][:, None] - time[segments == k]).min()
         assert apart > 1 / 2.0
+
+
+def test_motors_that_move_once_are_told_from_those_that_move_again(model, runs):
+    """To come back, or to go on after a rest, is a move; a little way is none."""
+    run, (left, _) = runs[0], model.robot.actuated
+    phase = np.linspace(0.0, 1.0, len(run))
+    once, back = np.sin(np.pi * phase), np.sin(2 * np.pi * phase)
+    little = np.where(phase < 0.9, once, -0.1 * once)
+
+    def single(rates, rest=0.0, logs=1):
+        motion = replace(run.motion, velocities=np.stack([rates, back], axis=1))
+        one = replace(run, motion=motion)
+        data = samples_of(model, [one] * logs)
+        used = np.ones_like(data.used)
+        used[:, 0] = np.abs(np.tile(phase, logs) - 0.5) >= rest
+        return single_moves(replace(data, used=used), [one] * logs)
+
+    assert single(once) == single(little) == (left,)
+    assert single(back) == single(once, rest=0.1) == single(once, logs=2) == ()
 
 
 def test_whole_logs_are_left_out_where_there_are_several(model, runs):

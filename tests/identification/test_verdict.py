@@ -112,18 +112,23 @@ def test_it_says_below_which_speed_friction_is_unknown(identified):
     assert "top speed" not in str(none)
 
 
-@pytest.mark.parametrize("limit", [0.0, np.inf, 5.0, 50.0])
-def test_it_says_above_which_speed_friction_is_unknown(identified, limit):
+def test_it_says_which_speeds_and_accelerations_were_seen(identified):
+    """By unit, of the slowest motor and the fastest; of one that stands, none."""
     found = identified()
-    model = found.force_model.robot.model.copy()
-    model.upperVelocityLimit[:] = limit
-    limited = replace(found.force_model.robot, model=model)
-    verdict = replace(found, force_model=replace(found.force_model, robot=limited)).verdict
-    fastest = min(found.fit.use.fastest)
-    known = 0 < limit < np.inf and fastest < limit
-    assert verdict.fastest == (fastest / limit if known else 1.0)
-    part = loopid.numbers.number(100 * verdict.fastest, 2)
-    assert (f"above {part} % of a speed limit" in str(verdict)) == known
+    run, used = found.training[0], found.data.used.copy()
+    ends = [
+        np.percentile(np.abs(each), 99, axis=0)
+        for each in (run.motion.velocities, run.motion.accelerations)
+    ]
+
+    def said(motors):
+        numbers = (" to ".join(f"{x:.2g}" for x in sorted(each[motors])) for each in ends)
+        return "{} rad/s and {} rad/s²".format(*numbers)
+
+    assert f"Motors reached {said([0, 1])}." in str(found.verdict)
+    used[:, 1] = False
+    standing = replace(found, data=replace(found.data, used=used))
+    assert standing.verdict.reached == said([0])
 
 
 def test_a_motor_that_never_moves_is_named_first(identified):
@@ -135,6 +140,26 @@ def test_a_motor_that_never_moves_is_named_first(identified):
     assert f"with {motor} at standstill" in standing.verdict.use
     assert standing.findings[0].title == f"{motor} never moves"
     assert not any("never moves" in each.title for each in found.findings)
+
+
+def test_forces_of_a_single_move_are_not_praised(identified):
+    """However small errors are: what judges the fit is of the same move."""
+    found = identified()
+    rates = found.training[0].motion.velocities[:, 1]
+    used = found.data.used.copy()
+    longest = max(
+        np.split(np.arange(len(rates)), np.flatnonzero(np.diff(np.sign(rates))) + 1), key=len
+    )
+    used[np.setdiff1d(np.arange(len(rates)), longest), 1] = False
+    once = replace(found, data=replace(found.data, used=used))
+    motor = found.data.actuators[1]
+    said = f"Not fit for use beyond its own moves, as {motor} moves only once"
+    assert once.verdict.use == said
+    assert once.verdict.forces == "no"
+    assert "moves to and fro" in once.verdict.improvement
+    # New data judge what they have.
+    judged = replace(once, validation=found.training)
+    assert judged.verdict.use != said
 
 
 def of_a_drive(robot, lacking, seed=4):

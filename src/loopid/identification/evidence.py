@@ -127,6 +127,7 @@ class Evidence:
         self.q, self.rates, self.force, self.used, self.external = map(
             np.concatenate, zip(*parts, strict=True)
         )
+        self.rates_measured |= not self.rates.any()  # at rest they are zero on any time axis
         coordinates = JointCoordinates(robot, self.names)
         # Of joints that turn without end, too.
         self.position = np.unwrap(coordinates.read(self.q.copy()), axis=0)

@@ -21,6 +21,7 @@ from loopid.records import record
 FOLDS = 5  # segments: each fit has four fifths of the data
 IN_ONE = 0.9  # part of a motor's samples from which on those of others hardly show what it does
 REGIONS, ROWS = 16, 10  # of states, at most, and samples of each at least
+SHORT = 0.1  # of a motor's longest move: less is none
 DIGITS = 6  # of states in their deviations, that separate them
 SAME = 0.05  # of the deviations of states: such ones are the same
 
@@ -92,6 +93,20 @@ def segments_of(data: FitSamples) -> IntArray:
         moving = np.cumsum(moves[own])
         segments[own] = np.minimum(moving * FOLDS // (moving[-1] + 1), FOLDS - 1)
     return segments
+
+
+def single_moves(data: FitSamples, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Motors that go one way once in all samples, and never back or on from another standstill."""
+    ways = np.where(data.used, np.concatenate([run.motion.velocities for run in recordings]), 0.0)
+    steps = np.concatenate([np.gradient(run.motion.time) for run in recordings])
+    found = list[str]()
+    for motor, rates in zip(data.actuators, ways.T, strict=True):
+        signs = np.sign(rates)
+        turns = (np.diff(signs, prepend=0.0) != 0) | (np.diff(data.runs, prepend=-1) != 0)
+        lengths = np.abs(np.add.reduceat(rates * steps, np.flatnonzero(turns)))
+        if np.count_nonzero(lengths > SHORT * lengths.max()) == 1:
+            found.append(motor)
+    return tuple(found)
 
 
 def regions_of(recordings: Sequence[Recording]) -> IntArray:

@@ -86,7 +86,7 @@ class ModelChoice:
     @property
     def least_share(self) -> float:
         """The share from which on the recordings show inertia."""
-        return CLEAR * self.factor_error * self.share
+        return CLEAR * self.factor_error * self.share if self.share else np.inf
 
     @property
     def finding(self) -> Finding:

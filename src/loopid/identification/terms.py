@@ -1,4 +1,4 @@
-"""Identifiable offsets: a motor without a clear one has none.
+"""Identifiable joint terms: a motor without a clear offset has none, nor friction where all rest.
 
 An offset hardly differs from gravity, or from Coulomb friction where a motor moves one way, in
 motions that excite little. Errors of both would be large and opposite, and add up on other motions.
@@ -37,7 +37,7 @@ KNOWN_OFFSET = 0.05
 
 @checked
 def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
-    """Leave out offsets that are not identifiable.
+    """Leave out offsets that are not identifiable, and what acts in motion where nothing moves.
 
     A step of ``identify``. Models whose terms were chosen by name are taken as they are.
 
@@ -50,7 +50,7 @@ def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
     Returns
     -------
     ForceModel
-        The same one where all offsets are identifiable.
+        The same one where all that are looked at are identifiable.
 
     Examples
     --------
@@ -63,12 +63,11 @@ def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
     True
     """
     usual, offsets = force_model.joint_terms, list(_offsets(force_model))
-    if usual is None or not (force_model.automatic and offsets):
+    if usual is None or not force_model.automatic:
         return force_model
-    evidence = _Evidence.of(data)
-    if evidence is None:
-        return force_model
-    gone = evidence.unknown(offsets)
+    evidence = _Evidence.of(data) if offsets else None
+    gone = evidence.unknown(offsets) if evidence else []
+    gone += _of_motion(force_model, data)
     if not gone:
         return force_model
     return force_model.with_terms(
@@ -85,6 +84,18 @@ def _offsets(force_model: ForceModel) -> Iterator[Parameter]:
     for name in force_model.parameters:
         if name.kind == OFFSET and OFFSET not in given.get(name.link, {}):
             yield name
+
+
+def _of_motion(force_model: ForceModel, data: FitSamples) -> list[str]:
+    """Labels of joint terms that act in motion, where no motor ever moves; none where one does."""
+    given, moved = terms_of_file(force_model.robot), []
+    for k in force_model.joint_columns:
+        name = force_model.parameters[k]
+        if name.kind != OFFSET and name.kind not in given.get(name.link, {}):
+            if data.regressor[:, :, k].any():
+                return []
+            moved.append(name.label)
+    return moved
 
 
 class _Evidence(NamedTuple):

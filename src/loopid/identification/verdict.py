@@ -10,7 +10,7 @@ from loopid.errors import first_of
 from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.friction_curves import friction_at_ends, frictional_joints
-from loopid.identification.leaving_out import whole_logs
+from loopid.identification.leaving_out import single_moves, whole_logs
 from loopid.identification.missing import WAVES, missing_findings
 from loopid.identification.outcome import ALL, ROUGH, Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS, WHOLE_FORCE
@@ -20,7 +20,6 @@ from loopid.logs.preparing import encoder_faults
 from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
-from loopid.robot.robot import Robot
 
 # Error on new data as a part of a motor's force, in the root mean square, that a controller's
 # feedforward can be built on; up to ROUGH it still profits.
@@ -29,6 +28,7 @@ NAMED = 1  # motors that a finding names
 LEAST_CERTAIN = 2  # parameters that the verdict names
 # Errors over the sensors' noise, from which on the model lacks something: values follow that.
 NOISY = 3.0
+REACHED = 99.0  # percentile of rates and accelerations that were reached: noise has more
 AROUND = 0.1  # in s, that are left out beside a short time in which errors stand out, at least
 # Error on a motor's own data as a part of that on new data. A model that lacks something errs on
 # both; below this, the data are too few for it.
@@ -74,9 +74,9 @@ class Verdict:
     slowest : float
         Part of its fastest rate in the logs from which on friction of every motor is known; 0
         without friction.
-    fastest : float
-        Part of the speed limit of the robot file that each motor has reached in the logs, at least;
-        1 without limits.
+    reached : str
+        Fastest rates and largest accelerations of the motors in the logs, from the least to the
+        most: 99 of 100 samples have less. Beyond, nothing was seen.
     """
 
     use: str
@@ -92,7 +92,7 @@ class Verdict:
     mistake: Finding | None = None
     where: str = "whole"
     slowest: float = 0.0
-    fastest: float = 1.0
+    reached: str = ""
 
     @classmethod
     def of(cls, found: Outcome) -> Verdict:
@@ -117,7 +117,7 @@ class Verdict:
             mistake,
             where,
             _slowest(found.fit),
-            _fastest(found.fit, found.force_model.robot),
+            _reached(found),
         )
 
     def __str__(self) -> str:
@@ -129,7 +129,7 @@ class Verdict:
         page = "" if self.error <= ROUGH else f" ({PAGE})"
         return (
             f"{self.use}. On {judged}{band}, errors are at most {number(100 * self.error, 2)} % "
-            f"of a motor's force ({at}).{self._beside_file}{self._when_slow} {self.significant} of "
+            f"of a motor's force ({at}).{self._beside_file}{self._speeds} {self.significant} of "
             f"{self.parameters} values are significant. Next: {self.improvement}{page}."
         )
 
@@ -160,13 +160,12 @@ class Verdict:
         )
 
     @property
-    def _when_slow(self) -> str:
-        """Speeds at which friction is unknown; empty without friction."""
-        if not self.slowest:
-            return ""
-        part, limit = number(100 * self.slowest, 1), number(100 * self.fastest, 2)
-        above = f", or above {limit} % of a speed limit," * (self.fastest < 1)
-        return f" Friction below {part} % of a motor's top speed{above} is unknown."
+    def _speeds(self) -> str:
+        """Speeds and accelerations that were seen, and at which friction is unknown."""
+        seen = f" Motors reached {self.reached}." * bool(self.reached)
+        part = number(100 * self.slowest, 1)
+        slow = f" Friction below {part} % of a motor's top speed is unknown."
+        return seen + slow * bool(self.slowest)
 
 
 # What judged, in words.
@@ -188,15 +187,21 @@ def _slowest(fit: Fit) -> float:
     return max((slowest / fastest for slowest, fastest in filter(None, ends)), default=0.0)
 
 
-def _fastest(fit: Fit, robot: Robot) -> float:
-    """Part of its speed limit up to which friction of every motor is known; 1 without limits."""
-    parts = [1.0]
-    for joint in frictional_joints(fit):
-        limit = float(robot.model.upperVelocityLimit[robot.velocity_indices([joint])[0]])
-        ends = fit.rates_of(joint)
-        if ends is not None and 0 < limit < np.inf:  # zero stands for none, as exporters write it
-            parts.append(ends[1] / limit)
-    return min(parts)
+def _reached(found: Outcome) -> str:
+    """Fastest rates and largest accelerations of motors in the logs, from the least to the most."""
+    robot, said = found.force_model.robot, list[str]()
+    motions = [run.motion for run in found.training]
+    rates = np.abs(np.concatenate([motion.velocities for motion in motions]))
+    accelerations = np.abs(np.concatenate([motion.accelerations for motion in motions]))
+    moves = found.data.used.any(axis=0) & np.isin(robot.independent, robot.actuated)
+    slides = np.isin(robot.velocity_indices(robot.independent), robot.prismatic)
+    for unit, own in (("rad", moves & ~slides), ("m", moves & slides)):
+        for sizes, per in ((rates, "/s"), (accelerations, "/s²")):
+            if own.any():
+                most = np.percentile(sizes[:, own], REACHED, axis=0)
+                ends = dict.fromkeys(number(float(end), 2) for end in (most.min(), most.max()))
+                said.append(f"{' to '.join(ends)} {unit}{per}")
+    return " and ".join(filter(None, (", ".join(said[:-1]), *said[-1:])))
 
 
 def _better(found: Outcome) -> Finding | None:
@@ -238,6 +243,8 @@ def _use(found: Outcome, error: float) -> str:
         return f"{NOT_FIT}, as {_turning_friction(found).title}"
     if not error <= ROUGH:
         return f"{NOT_FIT}, as {found.singular.title}" if found.singular else NOT_FIT
+    if single := _of_single_moves(found):
+        return f"{NOT_FIT} beyond its own moves, as {single.title}"
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
     if standing := _standing(found):
         use += f" with {first_of(standing, NAMED)} at standstill"
@@ -308,6 +315,19 @@ def _of_standing(found: Outcome) -> Finding | None:
         f"{first_of(standing, NAMED)} never moves",
         "nothing is known of its friction, nor of the forces at its other positions",
         "record a motion that moves it; if it did move, its column of positions is dead",
+    )
+
+
+def _of_single_moves(found: Outcome) -> Finding | None:
+    """Motors that move once: left out, nothing is known of them, and what is fitted judges."""
+    single = () if found.validation else single_moves(found.data, found.training)
+    if not single:
+        return None
+    return Finding(
+        "warning",
+        f"{first_of(single, NAMED)} {'moves' if len(single) == 1 else 'move'} only once",
+        "segments left out of a move are much like the rest of it, and judge nothing else",
+        "record a longer log, in which each motor moves to and fro",
     )
 
 
@@ -410,6 +430,8 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
 
 def _wrong(found: Outcome) -> Iterator[Finding]:
     """What another motion does not mend, the likeliest cause first."""
+    single = _of_single_moves(found)
+    yield from () if single is None else (single,)
     passing, other = _passing(found), found.log_difference
     change = found.load_change if other is None else None
     yield from () if passing is None else (passing,)

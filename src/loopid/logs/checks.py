@@ -87,7 +87,7 @@ def check_log(robot: Robot, log: Log) -> Log:
     _require_even_segments(log)
     given = {name: getattr(log, name) for name in QUANTITIES if getattr(log, name) is not None}
     whole = stream_of(log.name, log.joints, log.time, given, log.slides)
-    stream = check_stream(robot, whole)
+    stream = check_stream(robot, whole, static=log.static)
     check_moving([stream])
     if len(stream.rows) < len(log):
         dropped = (Dropped.at(why, log.time[lost - 1]) for why, lost in stream.left_out)
@@ -111,17 +111,23 @@ def _require_even_segments(log: Log) -> None:
             )
 
 
-def check_stream(robot: Robot, stream: Stream) -> Stream:
-    """The stream without impossible rows, and with turns counted on; warns of what looks wrong."""
-    _require_usual_step(stream)
+def check_stream(robot: Robot, stream: Stream, *, static: bool = False) -> Stream:
+    """The stream without impossible rows, and with turns counted on; warns of what looks wrong.
+
+    Between poses at rest there are no speeds, and nothing tells whole turns.
+    """
+    if not static:
+        _require_usual_step(stream)
     _require_units(robot, stream)
-    stream = _inside_limits(robot, stream)
-    stream = _unwrapped(robot, _without_glitches(stream))
-    seconds, model = np.diff(stream.stamps) / 1e9, robot.model
-    for joint, values in stream.signals("position"):
-        limit = model.upperVelocityLimit[robot.velocity_indices([joint])[0]]
-        speeds = np.append(0.0, np.abs(np.diff(values)) / seconds)
-        _warn_of_excess(stream, f"the speed of {joint}", limit, speeds)
+    stream = _without_glitches(_inside_limits(robot, stream))
+    model = robot.model
+    if not static:
+        stream = _unwrapped(robot, stream)
+        seconds = np.diff(stream.stamps) / 1e9
+        for joint, values in stream.signals("position"):
+            limit = model.upperVelocityLimit[robot.velocity_indices([joint])[0]]
+            speeds = np.append(0.0, np.abs(np.diff(values)) / seconds)
+            _warn_of_excess(stream, f"the speed of {joint}", limit, speeds)
     for joint, values in stream.signals("force"):
         limit = model.upperEffortLimit[robot.velocity_indices([joint])[0]]
         _warn_of_excess(stream, f"the force of {joint}", limit, np.abs(values))

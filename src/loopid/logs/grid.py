@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from loopid.arguments import BoolArray, FloatArray, IntArray, finite, samples
 from loopid.errors import DataError, DataWarning, LogError, counted, first_of, warn
 from loopid.logs.signals import POSE, Channel, TimeColumn
-from loopid.logs.table import NO_STAMP, QUANTITIES, Table, numbers_in
+from loopid.logs.table import NO_STAMP, POSE_PERIOD, QUANTITIES, Table, numbers_in
 from loopid.numbers import ROUND_OFF
 from loopid.records import record
 
@@ -160,6 +160,18 @@ def with_increasing_stamps(stream: Stream) -> Stream:
             "recorded one after the other as logs of their own"
         )
     return stream
+
+
+def static_poses(streams: Sequence[Stream]) -> Stream:
+    """The stream of poses, evenly stamped, so that none is made between others."""
+    stream, *others = streams
+    if others:
+        raise LogError(
+            f"poses at rest must stand in one table, but are in {stream.source} and "
+            f"{others[0].source}: join these"
+        )
+    steps = np.arange(len(stream.rows), dtype=np.int64)
+    return replace(stream, stamps=round(1e9 * POSE_PERIOD) * steps)
 
 
 def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:

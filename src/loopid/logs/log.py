@@ -35,6 +35,7 @@ from loopid.logs.grid import (
     on_even_grid,
     on_even_grids,
     on_joints,
+    static_poses,
 )
 from loopid.logs.signals import (
     UNITS,
@@ -137,6 +138,9 @@ class Log(Tabular):
     slides : mapping
         By ``joint.quantity``, whether its unit was one of slides, as m, or of hinges, as deg;
         without those whose unit nothing said.
+    static : bool
+        Whether samples are poses at rest, each of its own: nothing is filtered or differentiated,
+        and times only count them.
     checked : bool
         Whether its values were compared with its robot: ``prepare`` does it otherwise.
     free : mapping
@@ -167,6 +171,7 @@ class Log(Tabular):
     free: Mapping[str, FloatArray] = field(default_factory=dict)
     force_scales: Mapping[str, float] = field(default_factory=dict)
     slides: Mapping[str, bool] = field(default_factory=dict, compare=False)
+    static: bool = False
     checked: bool = field(default=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -355,6 +360,8 @@ class Log(Tabular):
         if mapping.saturation is not None:
             saturation = np.array(mapping.by_joint(name, "saturation", joints))
         channels = [channel for stream in streams for channel in stream.channels]
+        if mapping.static:
+            streams = [static_poses(streams)]
         aligned = align(streams, joints)
         wrenches = [
             ExternalWrench(one.frame, aligned.signals[wrench_name(k)], one.axes, one.about)
@@ -366,6 +373,7 @@ class Log(Tabular):
             **_by_field(aligned, wrenches),
             saturation=saturation,
             idle_speed=mapping.idle_speed,
+            static=mapping.static,
             force_scales={one.joint: one.scale for one in channels if one.quantity == "force"},
             slides={
                 f"{one.joint}.{one.quantity}": one.straight
@@ -401,7 +409,8 @@ class Log(Tabular):
             for name in ("time", *QUANTITIES)
             if (values := getattr(self, name)) is not None
         }
-        kept["segments"] = renumbered(self.segments, good)
+        poses = self.static  # between which there are no gaps
+        kept["segments"] = self.segments[good] if poses else renumbered(self.segments, good)
         kept["wrenches"] = tuple(replace(one, values=one.values[good]) for one in self.wrenches)
         kept["free"] = {joint: values[good] for joint, values in self.free.items()}
         return replace(self, **kept, dropped=(*self.dropped, *dropped))

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError,
 from loopid.arguments import NotNegative, Positive, checked
 from loopid.border import Section, refusal, unknown
 from loopid.errors import LogError, OptionError, unknown_word
-from loopid.logs.table import COMPONENTS
+from loopid.logs.table import COMPONENTS, POSE_PERIOD
 from loopid.records import digest
 from loopid.registry import log_formats
 from loopid.yaml_files import read_yaml, yaml_text
@@ -161,8 +161,8 @@ class LogMapping(Section):
     joints that no motor moves: one, or the seven of a floating base. ``delay`` is how much later
     forces are than positions, in s, of all joints or by joint. Or it is how late the time stamps of
     whole streams are, by their names. Without a column of times, rows are even: ``rate`` in Hz, or
-    ``period`` in s between them. ``topic`` chooses among those of a bag, ``group`` among those of
-    an HDF5 file.
+    ``period`` in s between them. Or each row is a pose at rest, of no time: ``static``. ``topic``
+    chooses among those of a bag, ``group`` among those of an HDF5 file.
 
     Raises
     ------
@@ -183,6 +183,7 @@ class LogMapping(Section):
     time: TimeColumns | None = None
     rate: Positive | None = None
     period: Positive | None = None
+    static: bool = False
     position: Columns | None = None
     force: Columns | None = None
     velocity: Columns | None = None
@@ -219,11 +220,18 @@ class LogMapping(Section):
         given = [key for key in ("time", "rate", "period") if getattr(self, key) is not None]
         if len(given) > 1:
             raise ValueError(f"give only one of {', '.join(given)}")
+        if self.static:
+            moving = "velocity", "acceleration", "idle_speed", "delay"
+            given += [key for key in moving if getattr(self, key) not in (None, 0.0)]
+            if given:
+                raise ValueError(f"poses at rest have no {', '.join(given)}: leave out {given[0]}")
         return self
 
     @property
     def row_period(self) -> float | None:
         """Seconds between rows that have no time of their own; None where they have one."""
+        if self.static:
+            return POSE_PERIOD
         return self.period if self.rate is None else 1 / self.rate
 
     @model_validator(mode="after")

@@ -138,6 +138,8 @@ def prepare(
             valid=robot.actuated,
         )
     read = check_log(robot, log)
+    if read.static:
+        filter = replace(filter, cutoff=None)  # noqa: A001
     log = without_frozen(read)
     lowpass = filter.lowpass(provisional_cutoff(robot, log))
     limits = saturation_of(robot, log)
@@ -187,7 +189,7 @@ def prepare(
         history=history,
         filter=filter,
         masks=masks,
-        log=read,
+        log=None if read.static else read,
     )
     wrenches = [replace(one, values=one.values[rows]) for one in signals.wrenches]
     return recording.with_wrenches(robot, wrenches)
@@ -247,6 +249,8 @@ def in_motion_band(robot: Robot, recording: Recording) -> Recording:
 
 def without_frozen(log: Log) -> Log:
     """The log without samples in which a position is frozen: all motions there are wrong."""
+    if log.static:
+        return log
     frozen, dropped = _frozen_samples(log), []
     for joint, flags in zip(log.joints, frozen.T, strict=True):
         if flags.any():
@@ -326,6 +330,8 @@ def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
     kept = partial(log.by_part, lowpass.apply) if lowpass else np.asarray
     position = kept(log.position)
     velocity, acceleration = log.velocity, log.acceleration
+    if log.static:
+        velocity = acceleration = np.zeros_like(position)
     v = log.by_part(differentiate, position) if velocity is None else kept(velocity)
     a = log.by_part(differentiate, v) if acceleration is None else kept(acceleration)
     wrenches = [replace(wrench, values=kept(wrench.values)) for wrench in log.wrenches]
@@ -371,10 +377,10 @@ class FreeMotion(NamedTuple):
 def free_motion(robot: Robot, log: Log, free: Mapping[str, FloatArray]) -> FreeMotion:
     """Joints (N, k) of a log that no motor moves, filtered, and their derivatives."""
     q = np.tile(robot.reference, (len(log), 1))
-    if not free:
-        return FreeMotion(q, *np.zeros((2, len(log), robot.model.nv)))
     for name, values in free.items():
         _write(robot, name, q, values)
+    if log.static or not free:
+        return FreeMotion(q, *np.zeros((2, len(log), robot.model.nv)))
     steps = difference(robot, q[:-1], q[1:])
     way = np.concatenate([np.zeros((1, robot.model.nv)), np.cumsum(steps, axis=0)])
     v = log.by_part(differentiate, way)
@@ -589,7 +595,7 @@ def sticking(log: Log, velocity: FloatArray) -> BoolArray:
     times the time it goes sixteen times as far, of which a step may be hidden.
     """
     found = np.zeros(velocity.shape, dtype=bool)
-    for k, joint in enumerate(log.joints):
+    for k, joint in enumerate(() if log.static else log.joints):
         speed = np.abs(velocity[:, k])
         fast = speed >= np.percentile(speed, 99) / 2
         changes = np.append(np.diff(log.position[:, k]) != 0, True) & fast
@@ -635,6 +641,8 @@ def idle_samples(robot: Robot, log: Log, velocity: FloatArray, rows: IntArray) -
 
     Rows (K,) show its usual speed.
     """
+    if log.static:  # where all motors were let come to rest before they were read
+        return np.zeros(velocity.shape, dtype=bool)
     if log.idle_speed is None:
         speeds = idle_speeds(robot, velocity[rows])
     else:  # at a speed of zero no motor counts as standing

@@ -116,7 +116,7 @@ def _read(
         found = read_streams(
             place, robot.actuated, mapping, rows=rows, locked=robot.locked, forces=forces
         )
-        streams = [check_stream(robot, stream) for stream in found]
+        streams = [check_stream(robot, stream, static=mapping.static) for stream in found]
         check_moving(streams)
         name = stream_name(place.resolve())
         log = Log.from_streams(name, streams, robot.actuated, mapping)

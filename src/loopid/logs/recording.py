@@ -233,7 +233,8 @@ class Recording(Tabular):
     filter, masks : FilterOptions and MaskOptions, or None
         With which it was prepared.
     log : Log or None
-        As it was read, for ``prepare_again``; None of a motion that is known exactly.
+        As it was read, for ``prepare_again``; None of a motion that is known exactly, and of poses
+        at rest.
     external : FloatArray or None
         (N, dof), the part of the force that is of measured wrenches; None without any.
     wrenches : tuple of str

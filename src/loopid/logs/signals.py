@@ -403,7 +403,8 @@ class ColumnFinder:
         problem = f"several columns for the time ({', '.join(found)})" if found else "no time"
         raise self._refused(
             f"{stream} has {problem}: call one column time, or name it in a mapping, or give the "
-            f"'rate' of even rows there, in Hz; {self._choices()}"
+            "'rate' of even rows there, in Hz, or 'static: true' where each row is a pose at rest; "
+            f"{self._choices()}"
         )
 
     def _given_time(self, given: TimeColumns, stream: str) -> TimeColumn:
