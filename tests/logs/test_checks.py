@@ -349,12 +349,12 @@ def test_wrong_units_and_robots_at_rest_are_refused(changed, change, advice, fac
             ": kept",
         ),
         (
-            shift("position", 0.05, np.s_[700, 2]),
-            "the speed of leg3_stroke exceeds its limit of 1 in rows @700, @701, at worst 5",
+            shift("position", 0.05, np.s_[700:705, 2]),
+            "the speed of leg3_stroke exceeds its limit of 1 in rows @700, @705, at worst 5",
         ),
         (
-            shift("force", -3000 + 60, np.s_[700, 3]),
-            "the force of leg4_stroke exceeds its limit of 2343.44 in row @700, at worst",
+            shift("force", -3000 + 60, np.s_[700:703, 3]),
+            "the force of leg4_stroke exceeds its limit of 2343.44 in rows @700, @701, @702, at w",
         ),
         (
             stop("position", [0, 2]),
@@ -384,6 +384,31 @@ def test_glitches_are_left_out(changed, made, truth):
     rows = np.searchsorted(truth.time, log.time - 1e-9)
     assert np.abs(log.position - truth.position[rows]).max() < 1e-5
     assert np.abs(log.force - truth.force[rows]).max() < 25  # Coulomb friction jumps by 2 * 22 N
+
+
+@pytest.mark.parametrize("rows", [slice(700, 701), slice(700, 702)])
+@pytest.mark.parametrize(("name", "size"), [("position", -0.01), ("position", 0.1), ("force", 9e3)])
+def test_spikes_are_interpolated(changed, made, truth, name, size, rows):
+    with pytest.warns(DataWarning, match=numbered(f"{name} of leg3_stroke jumps .* @700", made)):
+        log = changed(shift(name, size, np.s_[rows, 2]))
+    np.testing.assert_allclose(log.time, truth.time, atol=1e-9)
+    apart = np.abs(getattr(log, name) - getattr(truth, name))
+    assert (apart > 1e-9).sum() == rows.stop - rows.start
+    assert apart.max() < 0.02 * np.abs(size)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-6])
+@pytest.mark.parametrize("step", [0.0, 1e-5])
+def test_noise_steps_and_jumps_to_stay_are_no_spikes(made, knee, truth, noise, step):
+    random = np.random.default_rng(0)
+    position = truth.position + noise * random.standard_normal(truth.position.shape)
+    position = np.round(position / step) * step if step else position
+    position[800:, 1] += 0.005
+    force = np.sign(truth.force)
+    force[::400] = 0.0  # a motor halts
+    log = made(knee, truth.time, position, force)
+    np.testing.assert_array_equal(log.position, position)
+    np.testing.assert_array_equal(log.force, force)
 
 
 @pytest.mark.parametrize(

@@ -23,14 +23,14 @@ from loopid.arguments import (
     samples,
     spread_rows,
 )
-from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
+from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, first_of, warn
 from loopid.findings import Finding
 from loopid.kinematics.assembly import Assembly, AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import difference
 from loopid.kinematics.projection import project, singularity_measure
-from loopid.logs.checks import check_log, require_known_motion
-from loopid.logs.grid import Dropped
+from loopid.logs.checks import check_log, require_known_motion, spikes_of
+from loopid.logs.grid import MOST_NAMED, Dropped
 from loopid.logs.log import ExternalWrench, Log, renumbered
 from loopid.logs.recording import FilterOptions, MaskOptions, RateHistory, Recording, reach_of
 from loopid.motion.filtering import LowPass, differentiate
@@ -140,7 +140,7 @@ def prepare(
     read = check_log(robot, log)
     if read.static:
         filter = replace(filter, cutoff=None)  # noqa: A001
-    log = without_frozen(read)
+    log = read if read.static else apart_at_jumps(without_frozen(read))
     lowpass = filter.lowpass(provisional_cutoff(robot, log))
     limits = saturation_of(robot, log)
     log = long_enough(log, lowpass)
@@ -244,13 +244,11 @@ def in_motion_band(robot: Robot, recording: Recording) -> Recording:
     return found
 
 
-# ---- encoders that freeze ----------------------------------------------------------------------
+# ---- encoders that freeze, and logs that jump ----------------------------------------------------
 
 
 def without_frozen(log: Log) -> Log:
     """The log without samples in which a position is frozen: all motions there are wrong."""
-    if log.static:
-        return log
     frozen, dropped = _frozen_samples(log), []
     for joint, flags in zip(log.joints, frozen.T, strict=True):
         if flags.any():
@@ -292,6 +290,37 @@ def _frozen(positions: FloatArray, k: int) -> BoolArray:
         if jumps or change[a + count] > ABRUPT * usual:
             flags[a : b + 1] = jumps or (np.ptp(positions[a : b + 1], axis=0) > much).any()
     return flags
+
+
+def apart_at_jumps(log: Log) -> Log:
+    """The log with a segment of its own for what follows a jump of a position.
+
+    So logs that were written one after the other do not become one motion.
+    """
+    jumps = _jumps(log)
+    for joint, flags in zip(log.joints, jumps.T, strict=True):
+        if flags.any():
+            at = first_of([f"{time:.6g}" for time in log.time[flags].tolist()], MOST_NAMED)
+            said = f"the position of {joint} jumps at {at} s: what follows is a segment apart"
+            warn(f"{log.name}: {said}", DataWarning)
+    if not jumps.any():
+        return log
+    begins = np.append(True, np.diff(log.segments) > 0) | jumps.any(axis=1)
+    return replace(log, segments=np.cumsum(begins) - 1)
+
+
+@derived
+def _jumps(log: Log) -> BoolArray:
+    """Samples (N, m) that positions jump to."""
+    found = np.zeros(log.position.shape, dtype=bool)
+    for part in log.parts():
+        for k in range(len(log.joints)):
+            steps = np.diff(log.position[part, k])
+            ways = np.abs(steps)
+            far = ways > JUMP * np.percentile(ways, 99) if len(ways) else ways
+            if far.any():
+                found[part, k][1:] = far & spikes_of(steps)
+    return found
 
 
 # ---- filter and differentiate ------------------------------------------------------------------
