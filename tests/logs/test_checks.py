@@ -158,6 +158,16 @@ def test_repeated_times_are_left_out(read_text, good_text, truth, part, new_valu
     assert sum(left_out.count for left_out in log.dropped) == count
 
 
+def test_a_coarse_clock_is_advised_a_rate(write_text, knee, truth):
+    text = table(np.round(truth.time, 1), truth.position, truth.force, knee.actuated)
+    path = write_text(text)
+    error = refused(read_log, path, knee)
+    assert f"give rate: {error.facts['rate']:.6g} in a mapping" in str(error)
+    log = read_log(path, knee, mapping=LogMapping(rate=error.facts["rate"]))
+    np.testing.assert_allclose(log.time, truth.time, rtol=0.02)
+    np.testing.assert_allclose(log.position, truth.position)
+
+
 @pytest.mark.parametrize(("part", "new_values", "most"), [(0.03, True, 0.02), (0.2, False, 0.1)])
 def test_times_that_stand_still_too_often_are_refused(read_text, good_text, part, new_values, most):
     header, rows = lines_of(good_text)
