@@ -245,7 +245,7 @@ class ForceModel:
         bodies = self.robot.standard_parameters(self.model)
         return np.concatenate([bodies, np.nan_to_num(self.joint_values)])
 
-    @property
+    @cached_property
     def joint_values(self) -> FloatArray:
         """Values (k,) of all joint terms by the robot file; NaN where it gives none."""
         terms = self.joint_terms
