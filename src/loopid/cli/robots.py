@@ -16,7 +16,7 @@ from loopid.cli import completion
 from loopid.cli.advice import command_with, in_options
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError, counted, shown
-from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
+from loopid.files import require_ending, require_name, require_other_file, write_file, write_files
 from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ def simulate(
     if out is not None:
         require_name(out, "the log")
         require_other_file(out, *own_files(robot), *filter(None, [program]))
-        require_own_kind(out, LOG_ENDINGS)
+        require_ending(out, LOG_ENDINGS)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     planned = read_motion_program(program or _bundled_motions(robot)).motion(motion, rate)
     text = simulate_log(robot, planned, errors, terms=terms, cad_error=cad_error, seed=seed)
@@ -398,7 +398,10 @@ def init(
     floating_base: bool = Option(False, "--floating-base", help="The root moves freely."),
     xacro: list[str] | None = XACRO,
 ) -> None:
-    """Write a YAML and a mapping to fill in, with the closures that a file shows."""
+    """Write a YAML and a mapping to fill in.
+
+    The YAML has the closures that the file shows. The mapping names the columns of the log.
+    """
     from loopid.export.first_files import write_in_words
 
     options = {"floating_base": floating_base, "xacro": macro_arguments(xacro)}
@@ -431,7 +434,10 @@ def schema(
         autocompletion=completion.words_of("export.first_files:FORMS"),
     ),
 ) -> None:
-    """Print the JSON schema of a YAML, by which editors complete keys and mark mistakes."""
+    """Print the JSON schema of a YAML, for editors.
+
+    They complete keys by it, and mark mistakes.
+    """
     from loopid.export.first_files import file_schema
 
     typer.echo(json.dumps(file_schema(kind), indent=1, ensure_ascii=False))
