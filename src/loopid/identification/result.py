@@ -129,8 +129,9 @@ class Fit(Estimates):
         --------
         >>> import loopid
         >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
-        >>> round(loopid.Fit.of(model, 2 * model.prior)["left_crank.my"].value, 3)
-        0.0
+        >>> fit = loopid.Fit.of(model, 2 * model.prior)  # twice the bodies of the robot file
+        >>> round(fit["left_crank.mx + 2 more"].value, 3)
+        0.999
         """
         if isinstance(fit, Fit):
             return replace(fit, model=force_model)
