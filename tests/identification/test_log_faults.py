@@ -16,7 +16,7 @@ from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.findings import PAGE
 from loopid.identification import log_faults
-from loopid.identification.evidence import Evidence
+from loopid.identification.evidence import Evidence, Explanation
 from loopid.identification.log_mistakes import _Find
 from loopid.identification.log_timing import late_by_seconds
 from loopid.identification.mistake_kinds import KINDS
@@ -522,6 +522,15 @@ def test_a_motor_with_a_small_part_of_its_force_may_have_any_bodies(size, reach,
 def test_no_size_is_named_whose_interval_is_wider_than_itself(reach, worth):
     found = _Find("ratio", (0,), after=None, evidence=0.0, size=10.0, reach=reach)
     assert found.worth(None) == worth
+
+
+@pytest.mark.parametrize(("after", "worth"), [((31.0, 8.0), False), ((31.0, 5.0), True)])
+def test_inertia_is_missing_where_a_motor_lacks_it(after, worth):
+    before, after = (
+        Explanation(None, 0.0, None, np.array(error), None, None) for error in ((32.0, 9.0), after)
+    )
+    found = _Find("factor", (0, 1), after=after, evidence=4.0, size=0.004, reach=0.43)
+    assert found.worth(before) == worth
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ ROUNDS = 3  # mistakes one after the other
 # missing force has any, but none takes all of a force away but for a tenth of the same shape.
 SHAPE, FACTOR_SHAPE, SMALL_SHAPE, SMALL = 0.4, 0.15, 0.6, 0.1
 # Half of the 95 % interval at most, as a part of the size: a size that is not known is none. Errors
-# of motors that were exchanged, over those before, at most.
+# of motors that were exchanged, or of one that lacks inertia, over those before, at most.
 KNOWN, BETTER = 0.5, 0.8
 # Part of the shape of forces that the bodies carry at least, once a gain is undone.
 CARRIED = 0.5
@@ -294,8 +294,9 @@ class _Find(NamedTuple):
         usual = size - reach <= least and 1 / least <= size + reach
         usual |= KINDS[self.kind].fields == ("gain",) and self._carried_by_others(found)
         known = reach <= KNOWN * abs(size)
-        # Of a time axis that is too short, missing inertia shows how much at least.
-        known |= self.kind == "factor" and size + reach < 1
+        # Of a time axis that is too short, inertia that a motor lacks shows how much at least.
+        if self.kind == "factor" and size + reach < 1:
+            known |= bool((self.after.error < BETTER * found.error).any())
         return (known or self.small) and not usual
 
     def _carried_by_others(self, found: Explanation) -> bool:
