@@ -21,7 +21,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import NOT_EMPTY, FloatArray, checked
+from loopid.arguments import NOT_EMPTY, BoolArray, FloatArray, checked
 from loopid.errors import first_of
 from loopid.findings import EVIDENCE, Finding
 from loopid.identification.evidence import STRANGE, Evidence, Explanation, Undone
@@ -286,17 +286,21 @@ class _Find(NamedTuple):
     def worth(self, found: Explanation) -> bool:
         """Whether a size is known and not as good as none; or errors of all its motors fall."""
         if not KINDS[self.kind].sizes:
-            worse = self.after.error > BETTER * found.error
-            return not worse[list(self.motors)].any()
+            return bool(self._better(found).all())
         least, size, reach = KINDS[self.kind].least, self.size, self.reach
         if KINDS[self.kind].added:
             return abs(size) - reach > least
         usual = size - reach <= least and 1 / least <= size + reach
         usual |= KINDS[self.kind].fields == ("gain",) and self._carried_by_others(found)
         known = reach <= KNOWN * abs(size)
-        # Of a time axis that is too short, missing inertia shows how much at least.
-        known |= self.kind == "factor" and size + reach < 1
+        # Of a time axis that is too short, missing inertia shows how much at least. Friction of
+        # another kind looks alike, but errors hardly fall.
+        known |= self.kind == "factor" and size + reach < 1 and bool(self._better(found).any())
         return (known or self.small) and not usual
+
+    def _better(self, found: Explanation) -> BoolArray:
+        """Of which of its motors errors fall clearly."""
+        return np.asarray((self.after.error <= BETTER * found.error)[list(self.motors)])
 
     def _carried_by_others(self, found: Explanation) -> bool:
         """Whether a gain makes forces that were explained ones that no body carries, as springs."""
@@ -376,6 +380,7 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
         likely = sorted(likely, key=lambda each: -each[0])[:CLOSELY]
     plain = [(one, 0.0) for *_, one in likely if not KINDS[one[0]].sizes]
     sized = _sized(first, found, [one for *_, one in likely if KINDS[one[0]].sizes])
+    sized = [(_as_heavy(first, found, one), deviation) for one, deviation in sized]
     return _closely(model, found, [*sized, *plain])
 
 
@@ -423,6 +428,17 @@ def _sized(
         step = np.minimum(step, deviation)
     both = zip(resized(at[:, None]), deviation.tolist(), known.tolist(), strict=True)
     return [(one, own) for one, own, clear in both if clear]
+
+
+def _as_heavy(model: Evidence, found: Explanation, one: Tried) -> Tried:
+    """A gain of all motors at which bodies are as heavy as the robot file's on the whole.
+
+    The evidence lets them be off by half, and has a smaller gain where they are off by less.
+    """
+    name, motors, size = one
+    for _ in range(STEPS * (name == "common_gain")):
+        size *= 1 + model.heavier(model.explained(_undone(found, [(name, motors, size)]))[0])
+    return name, motors, size
 
 
 def _closely(
