@@ -95,7 +95,7 @@ class Case:
         elif kind.startswith("shapes"):
             bodies = reshaped(file.reshape(-1, 10), 0.3, generator)
         else:
-            bodies = scaled_bodies(self.robot, float(kind.split()[0]) / 100, seed)
+            bodies = scaled_bodies(self.robot, float(kind.split()[0]) / 100, seed=seed)
         spread = np.exp(FRICTION_SPREAD * generator.normal(size=len(self.friction)))
         return np.concatenate([np.ravel(bodies), self.friction * spread])
 

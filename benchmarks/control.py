@@ -149,7 +149,7 @@ def loop_of(
     """A robot off the file, under a law whose friction is 10 % off."""
     off = 1 + 0.1 * np.random.default_rng([seed, 1]).choice([-1, 1], 4)
     full = models()["full"]
-    truth = values("full", bodies=scaled_bodies(full.robot, 0.15, seed))
+    truth = values("full", bodies=scaled_bodies(full.robot, 0.15, seed=seed))
     robot = loopid.Dynamics(full, truth, start=start)
     gravity, dynamic = (
         loopid.Dynamics(

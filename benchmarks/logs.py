@@ -92,7 +92,7 @@ def measured(path: str, jobs: int, every: bool) -> dict[str, Any]:
         figures |= {"samples": len(log), "fitted": len(recording)}
         del log
         starts.append(perf_counter())
-        samples = model.samples(recording, jobs)
+        samples = model.samples(recording, n_jobs=jobs)
         starts.append(perf_counter())
         result = fit(samples)
         starts.append(perf_counter())

@@ -104,7 +104,7 @@ class Case:
         """Standard parameters and friction (p,), a load, and gains (dof,)."""
         generator = np.random.default_rng(seed)
         friction = self.friction * np.exp(0.3 * generator.normal(size=self.friction.shape))
-        bodies = np.ravel(scaled_bodies(self.robot, BODIES, seed))
+        bodies = np.ravel(scaled_bodies(self.robot, BODIES, seed=seed))
         A = generator.normal(size=(3, 3))
         moments = self.mass * (self.reach / 3) ** 2 * (A @ A.T / 3 + 0.1 * np.eye(3))
         inertia = np.trace(moments) * np.eye(3) - moments

@@ -184,7 +184,7 @@ class Plant:
     @property
     def standard_parameters(self) -> FloatArray:
         """Of the true bodies (n,)."""
-        return scaled_bodies(self.robot, self.bodies, self.seed)
+        return scaled_bodies(self.robot, self.bodies, seed=self.seed)
 
     def sliding(self, speed: FloatArray) -> FloatArray:
         """Friction (..., m) at speeds (..., m) in rad/s without its viscous part and loads."""

@@ -44,7 +44,7 @@ def test_the_log_is_of_the_true_values_that_are_printed():
         float(options["cad-error"]),
         int(options["seed"]),
     )
-    bodies = scaled_bodies(robot, error, seed)
+    bodies = scaled_bodies(robot, error, seed=seed)
     off = np.abs(bodies[::10] / file[::10] - 1)
     assert f"bodies are {100 * off.min():.0f} to {100 * off.max():.0f} % off" in README
     model = loopid.force_model(robot, "full")

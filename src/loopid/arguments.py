@@ -43,7 +43,7 @@ from pydantic_core import ErrorDetails, PydanticKnownError
 from pydantic_core.core_schema import is_instance_schema
 
 from loopid.border import number_alone, worded
-from loopid.errors import DataError, LoopidError, OptionError, shown
+from loopid.errors import DataError, LoopidError, OptionError, counted, shown
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -192,7 +192,7 @@ def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -
         message = f"{name} must have shape {one}, not {np.shape(array)}"
         raise DataError(message, argument=name, given=np.shape(array), width=width)
     if count is not None and len(values) != count:
-        message = f"{name} must have {count} rows, one a sample, not {len(values)}"
+        message = f"{name} must have {counted(count, 'row')}, one a sample, not {len(values)}"
         raise DataError(message, argument=name, given=len(values), samples=count)
     return values
 

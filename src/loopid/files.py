@@ -144,12 +144,11 @@ def require_name(path: str | Path, what: str) -> None:
         raise FileError(f"{what} has no name: give a path, not {path!r}", given=path)
 
 
-def require_own_kind(path: str | Path, endings: Sequence[str]) -> None:
-    """Refuse to write over a file of another kind, by its ending."""
-    place = Path(path)
-    if place.exists() and not place.name.lower().endswith(tuple(endings)):
+def require_ending(path: str | Path, endings: Sequence[str]) -> None:
+    """Refuse to write a file that no command reads by its ending, or over one of another kind."""
+    if not Path(path).name.lower().endswith(tuple(endings)):
         raise FileError(
-            f"{path} exists, and is of another kind than {', '.join(endings)}: name another file",
+            f"{path} must end in {', '.join(endings)}: name another file",
             file=str(path),
             valid=tuple(endings),
         )

@@ -149,6 +149,9 @@ def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYT
         raise failure(f"{path}: {_repetition(text, error)}") from error
     except OSError as error:
         raise failure(f"{path} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise failure(f"{path} is no text in UTF-8 (line {line}): save it in UTF-8") from error
     except (YAMLError, ValueError, ArithmeticError, LookupError) as error:
         raise failure(f"{path} is not YAML: {_yaml_problem(error)}") from error
 

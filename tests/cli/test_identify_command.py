@@ -233,6 +233,33 @@ def test_a_mapping_names_columns_and_units(run_json, arm, arm_files, tmp_path):
     assert found == pytest.approx(fitted(arm()), rel=1e-4)
 
 
+def test_each_log_may_have_a_mapping_of_its_own(run, run_json, arm_files, tmp_path):
+    robot, log, _ = arm_files
+    rows = np.loadtxt(log, delimiter=",", skiprows=1)
+    mappings = []
+    for name, scale in (("ab", 1.0), ("cd", 1e3)):
+        columns = [f"{name}{k}" for k in range(4)]
+        text = "\n".join(
+            ",".join(f"{x:.12g}" for x in row) for row in rows * [1, 1, 1, scale, scale]
+        )
+        (tmp_path / f"{name}.csv").write_text(f"time,{','.join(columns)}\n{text}\n")
+        (tmp_path / f"{name}.yaml").write_text(
+            f"position: {{columns: {columns[:2]}}}\nforce: {{columns: {columns[2:]}}}\n"
+            f"force_scale: {1 / scale}\n"
+        )
+        mappings += ["--mapping", tmp_path / f"{name}.yaml"]
+    logs = [tmp_path / "ab.csv", "--validate", tmp_path / "cd.csv"]
+    found = run_json("identify", robot, *logs, *mappings, *PLAIN)
+    alone = run_json("identify", robot, log, "--validate", log, *PLAIN)
+    assert fitted(found) == pytest.approx(fitted(alone), rel=1e-4)
+    refused = run("identify", robot, logs[0], *mappings)
+    assert refused.code == 2
+    assert (
+        "once for each in the order of LOG, --validate, --reference, --friction-log" in refused.err
+    )
+    assert "not 2 times for 1 log" in refused.err
+
+
 def test_no_progress_bar_is_drawn_where_no_terminal_is(run, arm_files):
     done = run("identify", *arm_files[:2])
     assert "assembling" not in done.out + done.err

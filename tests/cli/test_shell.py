@@ -21,6 +21,7 @@ from loopid.progress import progress_bar
 SOURCE = Path(loopid.__file__).parent
 GROUP = typer.main.get_command(app)
 COMMANDS = GROUP.commands
+ANSWERED = "--help", "check --help", "--version"  # at once, without a command
 
 
 # Advice
@@ -141,10 +142,10 @@ def test_a_terminal_without_columns_is_printed_for(run, monkeypatch):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full disk")
 @pytest.mark.validate
-@pytest.mark.parametrize("form", [["--json"], []])
-def test_a_result_that_does_not_fit_on_the_disk_is_told(form):
+@pytest.mark.parametrize("line", ["check five_bar --json", "check five_bar", *ANSWERED])
+def test_a_result_that_does_not_fit_on_the_disk_is_told(line):
     with Path("/dev/full").open("w") as full:
-        script = [sys.executable, "-m", "loopid", "check", "five_bar", *form]
+        script = [sys.executable, "-m", "loopid", *line.split()]
         done = subprocess.run(script, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr.startswith("loopid: error: standard output: ")
@@ -152,9 +153,9 @@ def test_a_result_that_does_not_fit_on_the_disk_is_told(form):
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("form", [[], ["--json"]])
-def test_a_reader_that_has_seen_enough_ends_the_command_quietly(form):
-    script = [sys.executable, "-m", "loopid", "check", "five_bar", *form]
+@pytest.mark.parametrize("line", ["check five_bar", "check five_bar --json", *ANSWERED])
+def test_a_reader_that_has_seen_enough_ends_the_command_quietly(line):
+    script = [sys.executable, "-m", "loopid", *line.split()]
     with subprocess.Popen(script, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b""

@@ -188,7 +188,7 @@ def given_bodies(model, part):
     terms = JointTerms.with_values(robot, "Fc=0.3,Fv=0.1,Fo=0.03,Ia=0.02")
     for seed in range(3):
         motion = wander(robot, seed, 12.0, 50.0, size=(0.5, 0.5))
-        bodies = scaled_bodies(robot, part, seed) if part else robot.standard_parameters()
+        bodies = scaled_bodies(robot, part, seed=seed) if part else robot.standard_parameters()
         data = model.samples(record(robot, motion, terms, bodies, 0.02, seed))
         fit = fit_joint_terms(model, data, noise=quiet_fit(data).noise)
         for joint, kind in product(robot.actuated, GIVEN):

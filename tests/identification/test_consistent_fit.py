@@ -16,6 +16,7 @@ from loopid.identification.consistent import (
     WIDTH,
     _Program,
     _State,
+    consistent_parameters,
     quiet_consistent_fit,
 )
 from loopid.identification.fitting import quiet_fit
@@ -158,6 +159,21 @@ def test_forces_of_no_robot_give_solid_bodies(arm_case):
     for force in (-3 * samples.force, 100 * samples.force[:, ::-1], 1e4 + samples.force):
         wrong = samples.with_force(force)
         assert solid(arm_case, consistent_fit(arm_case.model, wrong, noise_of(wrong)))
+
+
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
+def test_a_part_is_fitted_alike_from_wherever_the_search_begins(arm_case, off):
+    model, every = arm_case.model, off[0]
+    for samples in (every, every.with_force(-3 * every.force)):
+        noise = noise_of(samples)
+        like = consistent_fit(model, samples, noise)
+        used = samples.used & (np.arange(len(samples)) % 3 > 0)[:, None]
+        begins = [like, replace(like, standard_parameters=model.standard_prior)]
+        part = replace(samples, used=used)
+        near, far = (consistent_parameters(model, part, noise, like=one) for one in begins)
+        assert not np.allclose(near, like.standard_parameters, rtol=1e-3)
+        found = [samples.predicted(arm_case.base.values(one)) for one in (near, far)]
+        np.testing.assert_allclose(*found, atol=1e-4 * rms(samples.force).max())
 
 
 def test_the_whole_knee_is_fitted(knee_case):

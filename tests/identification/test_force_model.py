@@ -144,7 +144,7 @@ def recordings(knee, terms, motions):
 @pytest.mark.validate
 def test_processes_change_no_bit(knee_model, motions, monkeypatch):
     monkeypatch.setattr("loopid.identification.force_models.CHUNK", 97)
-    one, two = (knee_model.regressor(motions[0], n_jobs) for n_jobs in (1, 2))
+    one, two = (knee_model.regressor(motions[0], n_jobs=n_jobs) for n_jobs in (1, 2))
     np.testing.assert_array_equal(one, two)
 
 

@@ -87,7 +87,7 @@ def test_it_predicts_where_the_bodies_of_the_robot_file_are_off(loaded, draws):
     ]
     errors, off = [], []
     for seed in range(draws):
-        bodies = scaled_bodies(robot, 0.3, seed)
+        bodies = scaled_bodies(robot, 0.3, seed=seed)
         fitted, unseen = (
             record(robot, motion, (terms, values), bodies, noise, seed)
             for motion, noise in zip(motions, (0.02, 0.0), strict=True)

@@ -315,7 +315,7 @@ def test_forces_without_inertia_and_friction_are_of_a_robot_that_a_hand_moves(
     """Motors with friction made the motion: what inertia lacks then is the time axis."""
     robot = load_once("five_bar")
     motion = wander(robot, seed, seconds=10.0, rate=50.0, size=(0.5, 0.5))
-    scaled = scaled_bodies(robot, 0.2, seed)
+    scaled = scaled_bodies(robot, 0.2, seed=seed)
     state = motion.configurations, motion.velocities, motion.accelerations
     force = force_parts(robot, *state, standard_parameters=scaled).gravity
     force = force + friction * np.sign(motion.velocities)

@@ -28,7 +28,7 @@ def five_bar(load_once):
 def run_of(robot, seconds, noise=NOISE, seed=0, standard=None, terms="Fc=0.1,Fv=0.05"):
     """A motion with so long a period, of bodies 20 % off."""
     motion = wander(robot, 7, seconds=seconds, rate=300 / seconds, size=REACH, harmonics=3)
-    bodies = scaled_bodies(robot, 0.2, 3) if standard is None else standard
+    bodies = scaled_bodies(robot, 0.2, seed=3) if standard is None else standard
     return record(robot, motion, JointTerms.with_values(robot, terms), bodies, noise, seed)
 
 

@@ -50,7 +50,7 @@ BROKEN_YAML = {
     "itself": ("leg1_stem, platform_B1", "leg1_stem, leg1_stem", ("one body", "leg1_stem")),
     "three frames": ("leg1_stem, platform_B1", "leg1_stem, platform_B1, base", ("closed_loop",)),
     # Lists that do not match.
-    "types missing": (TYPES, "type: ['3d', '3d']", ("'closed_loop' has 3", "'type' has 2")),
+    "types missing": (TYPES, "type: ['3d', '3d']", ("as long as 'type'", "are 3 and 2")),
     "lock without type": ("name_mot", "joint_name: [platform_yaw]\nname_mot", ("joint_type",)),
     "motor twice": ("leg4_stroke]", "leg1_stroke]", ("leg1_stroke", "twice")),
     "motion twice": ("z_m: z", "z_m: x", ("x_m", "z_m", "twice")),
@@ -128,10 +128,10 @@ def test_a_robot_without_motors_is_refused(edited, refusal):
 
 def test_bytes_that_are_no_text_are_refused(edited, refusal):
     file = edited()
-    file.write_bytes(b"urdf: \xff\xfe")
+    file.write_bytes("# A leg.\nurdf: größe.urdf".encode("latin-1"))
     with pytest.raises(RobotFileError) as failure:
         loopid.load(file)
-    refusal(failure, str(file), "not YAML")
+    refusal(failure, str(file), "no text in UTF-8 (line 2): save it in UTF-8")
 
 
 @pytest.mark.parametrize("name", ["nowhere.urdf", "nowhere.yaml", "4ups", "/nowhere/robot.yaml"])
@@ -265,7 +265,7 @@ DESCRIPTIONS = {
     ),
     "more types": (
         {"joint_name": ["ball"], "joint_type": ["FIXED"] * 2},
-        ("'joint_name' has 1", "'joint_type' has 2"),
+        ("'joint_name' must be as long as 'joint_type'", "are 1 and 2"),
     ),
     "no limits": ({"limits": {"elbow": [1, 1]}}, ("limits", "elbow", "not below")),
     "limits of a stranger": ({"limits": {"knee": [0, 1]}}, ("limits", "'knee'", "elbow")),

@@ -158,6 +158,16 @@ def test_repeated_times_are_left_out(read_text, good_text, truth, part, new_valu
     assert sum(left_out.count for left_out in log.dropped) == count
 
 
+def test_a_coarse_clock_is_advised_a_rate(write_text, knee, truth):
+    text = table(np.round(truth.time, 1), truth.position, truth.force, knee.actuated)
+    path = write_text(text)
+    error = refused(read_log, path, knee)
+    assert f"give rate: {error.facts['rate']:.6g} in a mapping" in str(error)
+    log = read_log(path, knee, mapping=LogMapping(rate=error.facts["rate"]))
+    np.testing.assert_allclose(log.time, truth.time, rtol=0.02)
+    np.testing.assert_allclose(log.position, truth.position)
+
+
 @pytest.mark.parametrize(("part", "new_values", "most"), [(0.03, True, 0.02), (0.2, False, 0.1)])
 def test_times_that_stand_still_too_often_are_refused(read_text, good_text, part, new_values, most):
     header, rows = lines_of(good_text)
@@ -349,12 +359,12 @@ def test_wrong_units_and_robots_at_rest_are_refused(changed, change, advice, fac
             ": kept",
         ),
         (
-            shift("position", 0.05, np.s_[700, 2]),
-            "the speed of leg3_stroke exceeds its limit of 1 in rows @700, @701, at worst 5",
+            shift("position", 0.05, np.s_[700:705, 2]),
+            "the speed of leg3_stroke exceeds its limit of 1 in rows @700, @705, at worst 5",
         ),
         (
-            shift("force", -3000 + 60, np.s_[700, 3]),
-            "the force of leg4_stroke exceeds its limit of 2343.44 in row @700, at worst",
+            shift("force", -3000 + 60, np.s_[700:703, 3]),
+            "the force of leg4_stroke exceeds its limit of 2343.44 in rows @700, @701, @702, at w",
         ),
         (
             stop("position", [0, 2]),
@@ -384,6 +394,31 @@ def test_glitches_are_left_out(changed, made, truth):
     rows = np.searchsorted(truth.time, log.time - 1e-9)
     assert np.abs(log.position - truth.position[rows]).max() < 1e-5
     assert np.abs(log.force - truth.force[rows]).max() < 25  # Coulomb friction jumps by 2 * 22 N
+
+
+@pytest.mark.parametrize("rows", [slice(700, 701), slice(700, 702)])
+@pytest.mark.parametrize(("name", "size"), [("position", -0.01), ("position", 0.1), ("force", 9e3)])
+def test_spikes_are_interpolated(changed, made, truth, name, size, rows):
+    with pytest.warns(DataWarning, match=numbered(f"{name} of leg3_stroke jumps .* @700", made)):
+        log = changed(shift(name, size, np.s_[rows, 2]))
+    np.testing.assert_allclose(log.time, truth.time, atol=1e-9)
+    apart = np.abs(getattr(log, name) - getattr(truth, name))
+    assert (apart > 1e-9).sum() == rows.stop - rows.start
+    assert apart.max() < 0.02 * np.abs(size)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-6])
+@pytest.mark.parametrize("step", [0.0, 1e-5])
+def test_noise_steps_and_jumps_to_stay_are_no_spikes(made, knee, truth, noise, step):
+    random = np.random.default_rng(0)
+    position = truth.position + noise * random.standard_normal(truth.position.shape)
+    position = np.round(position / step) * step if step else position
+    position[800:, 1] += 0.005
+    force = np.sign(truth.force)
+    force[::400] = 0.0  # a motor halts
+    log = made(knee, truth.time, position, force)
+    np.testing.assert_array_equal(log.position, position)
+    np.testing.assert_array_equal(log.force, force)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import singularity_measure
 from loopid.logs import FilterOptions, Log, LogMapping, MaskOptions, read_log
 from loopid.logs.preparing import (
+    apart_at_jumps,
     assemble_samples,
     clipped_from,
     filter_log,
@@ -240,6 +241,21 @@ def test_forces_clipped_at_any_level_are_named_and_coarse_ones_are_not(log, bias
     np.testing.assert_array_equal(limits, [limit, np.inf, np.inf, np.inf])
     coarse = np.round(log.force / 5) * 5
     assert np.isinf(clipped_from(altered(log, force=coarse))).all()
+
+
+def test_logs_one_after_the_other_are_segments_of_their_own(knee, log):
+    early, late = log.select(log.time < 4), log.select(log.time > 7.3)
+    count, joints = len(early) + len(late), knee.actuated
+    signals = (
+        np.concatenate([getattr(one, name) for one in (early, late)])
+        for name in ("position", "force")
+    )
+    time = np.arange(count) / log.rate(slice(None))
+    one = Log.from_arrays(time, *signals, joints)
+    with pytest.warns(DataWarning, match=f"jumps at {time[len(early)]:.6g} s: what follows is a"):
+        found = apart_at_jumps(one)
+    np.testing.assert_array_equal(found.segments, np.arange(count) >= len(early))
+    assert {*apart_at_jumps(log).segments} == {0}
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.2])  # of the fastest

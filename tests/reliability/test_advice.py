@@ -88,14 +88,17 @@ OF_LOGS = {
         "give the unit of the time in a mapping, as time: {column: NAME, unit: ms}",
         Log(columns=MS, mapping={"time": {"column": "time", "unit": "ms"}}),
     ),
-    "times beyond the epoch": (
-        Log(columns=(1.7e18 + 1e7 * np.arange(300), *ROWS[1:])),
-        "give the unit of the time in a mapping, such as ns",
-        Log(
-            columns=(1.7e18 + 1e7 * np.arange(300), *ROWS[1:]),
-            mapping={"time": {"column": "time", "unit": "ns"}},
-        ),
-    ),
+    **{
+        f"times since the epoch in {unit}": (
+            Log(columns=(1.7 * size + size / 1e11 * np.arange(300), *ROWS[1:])),
+            f"give it in a mapping, as time: {{column: NAME, unit: {unit}}}",
+            Log(
+                columns=(1.7 * size + size / 1e11 * np.arange(300), *ROWS[1:]),
+                mapping={"time": {"column": "time", "unit": unit}},
+            ),
+        )
+        for unit, size in (("ms", 1e12), ("us", 1e15), ("ns", 1e18))
+    },
     "no time, called so": (
         names("when", *NAMES[1:]),
         "call one column time",

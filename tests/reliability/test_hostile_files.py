@@ -51,7 +51,7 @@ def refused(tmp_path):
         ("a: '" + "x" * 200_000 + "'", "more than 100,000 characters"),
         ("a: '" + "x" * 3_000_000 + "'", "longer than the 0.5 MB"),
         (b"- " * 5000, "nested too deeply"),
-        (b"\xff\xfe", "is not YAML"),
+        (b"\xff\xfe", "is no text in UTF-8 (line 1): save it in UTF-8"),
         (b"urdf: 2020-13-45\n", "is not YAML: month must be"),
         (b"? [1, 2]\n: 3\n", "unknown key (1, 2)"),
         (b"urdf: !!int ''\n", "tag 'tag:yaml.org,2002:int' in line 1 is not read"),

@@ -63,6 +63,13 @@ def test_a_search_without_a_certificate_says_how_much_is_proven(knee, base):
     }
 
 
+@pytest.mark.parametrize("zeros", [3, 30, 600])  # the last beyond floats
+def test_a_number_of_choices_fits_its_card_on_a_phone(knee, base, zeros):
+    many = replace(base, search=replace(base.search, candidates=10**zeros))
+    said = base_report(knee, "gravity", many).card.figures[3].what
+    assert said == {3: "for 1,000 choices"}.get(zeros, f"for 1.0e+{zeros} choices")
+
+
 @pytest.mark.parametrize("gap", [inf, 1.0, 1.2, 5.0])
 def test_the_reason_for_no_certificate_is_said(gap):
     search = {"certified": False, "gap": None if gap == inf else gap, "reason": "near ties"}

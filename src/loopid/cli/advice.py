@@ -107,6 +107,8 @@ def _excite(words: str, context: typer.Context, excite: Any) -> str:
     said = ["loopid", "excite", str(given.get("file", "ROBOT")), *shlex.split(words)]
     for known in excite.params:
         value = given.get(known.name)
+        if known.name == "mapping" and value:  # those of other options follow
+            value = value[: len(given.get("logs", ())) or 1]
         if known.name not in OF_ROBOT_AND_MODEL or value in (None, known.get_default(context)):
             continue
         for one in value if isinstance(value, list | tuple) else [value]:

@@ -16,9 +16,10 @@ from loopid.cli.advice import command_with
 from loopid.cli.robots import (
     FILE,
     LOGGED_MODEL,
-    MAPPING,
+    MAPPINGS,
     TERMS,
     commanded_motions,
+    mapping_of_each,
     numbers,
     of_robot,
     recordings,
@@ -61,7 +62,7 @@ def identify(
     robot: Robot,
     answer: Answer,
     logs: list[str] = LOGS,
-    mapping: str | None = MAPPING,
+    mapping: list[str] | None = MAPPINGS,
     model: str = LOGGED_MODEL,
     terms: str = AUTOMATIC_TERMS,
     estimator: str = Option(
@@ -110,14 +111,17 @@ def identify(
         n_jobs=n_jobs,
     )
     options.require_terms(robot)
-    answer.require(robot.path, mapping, *logs, *(validate or ()))
+    answer.require(robot.path, *(mapping or ()), *logs, *(validate or ()))
+    of_logs, *others = mapping_of_each(
+        mapping, logs=logs, validate=validate, reference=reference, friction_log=friction_log
+    )
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
-    loaded, robot = robot, locked_as_logged(robot, logs[0], mapping=mapping)
-    runs = recordings(robot, logs, mapping, cutoff, rows)
-    judging = recordings(robot, validate, mapping, cutoff)
-    commanded = commanded_motions(robot, reference, mapping, cutoff)
-    friction = recordings(robot, friction_log, mapping, cutoff)
+    loaded, robot = robot, locked_as_logged(robot, logs[0], mapping=of_logs[0])
+    runs = recordings(robot, logs, of_logs, cutoff, rows)
+    judging = recordings(robot, validate, others[0], cutoff)
+    commanded = commanded_motions(robot, reference, others[1], cutoff)
+    friction = recordings(robot, friction_log, others[2], cutoff)
     found = identified(
         robot,
         [run.between(start, end) for run in runs],
@@ -126,7 +130,7 @@ def identify(
         references=commanded,
         options=options,
     )
-    command = excite_command(found, loaded, logs, mapping)
+    command = excite_command(found, loaded, logs, of_logs if len({*of_logs}) > 1 else of_logs[:1])
     answer.show(identification_report(found, command, anyway=anyway))
 
 
@@ -134,7 +138,7 @@ MOST_WANTED = 5  # parameters that a command names; of more, the motion is for a
 
 
 def excite_command(
-    found: Identification, robot: Robot, logs: Sequence[str], mapping: str | None = None
+    found: Identification, robot: Robot, logs: Sequence[str], mappings: Sequence[str | None] = ()
 ) -> str:
     """``loopid excite`` for a robot as it was loaded, and what the logs determine badly.
 
@@ -144,7 +148,7 @@ def excite_command(
     terms, excite = model.joint_terms, found.verdict.excite
     wanted = excite if len(excite) <= MOST_WANTED else ()
     options: dict[str, Any] = {"model": model.model, "terms": terms and terms.choice(model.robot)}
-    options |= {"mapping": mapping, "after": list(logs), "for": wanted}
+    options |= {"mapping": list(mappings), "after": list(logs), "for": wanted}
     return command_with("excite", robot, "--out", "motion", **options)
 
 
@@ -156,7 +160,7 @@ def predict(
     robot: str | None = Option(
         None, metavar="FILE", help="The fit's robot; by default where it was then."
     ),
-    mapping: str | None = MAPPING,
+    mapping: list[str] | None = MAPPINGS,
     cutoff: float | None = Option(
         None, help="Cut-off of the low-pass filter in Hz; by default that of the fit."
     ),
@@ -167,9 +171,10 @@ def predict(
     from loopid.identification.result import fit_file, load_fit
     from loopid.report.forces import prediction_report
 
-    answer.require(fit_file(fit), mapping, *logs)
+    answer.require(fit_file(fit), *(mapping or ()), *logs)
+    (mappings,) = mapping_of_each(mapping, logs=logs)
     saved = load_fit(fit, robot=robot)
-    runs = recordings(saved.robot, logs, mapping, cutoff, rows)
+    runs = recordings(saved.robot, logs, mappings, cutoff, rows)
     suspected = log_faults_by_log(saved.robot, runs, saved.require_model().joint_terms)
     found = saved.predict(runs)
     command = command_with("export", saved.robot, fit, "--c", "controller", loaded=False)
@@ -199,7 +204,7 @@ def payload(
     write_mapping: str | None = Option(
         None, metavar="YAML", help="With --known-mass: a mapping that has the gains."
     ),
-    mapping: str | None = MAPPING,
+    mapping: list[str] | None = MAPPINGS,
     model: str = LOGGED_MODEL,
     terms: str = AUTOMATIC_TERMS,
     estimator: str = Option("wls", help="wls, ols or bisquare.", autocompletion=ESTIMATORS),
@@ -215,13 +220,13 @@ def payload(
     from loopid.logs.reading import locked_as_logged
     from loopid.report.forces import gains_report, payload_report
 
-    inputs = [name for name in (robot.path, mapping, *unloaded, *loaded_log) if name is not None]
-    answer.require(*inputs)
-    _require_gains(known_mass, centre, write_mapping, inputs)
-    robot = locked_as_logged(robot, unloaded[0], mapping=mapping)
+    inputs = [*filter(None, (robot.path, *(mapping or ()), *unloaded, *loaded_log))]
+    of_unloaded, of_loaded = mapping_of_each(mapping, unloaded=unloaded, loaded=loaded_log)
+    _require_gains(answer, inputs, known_mass, centre, write_mapping)
+    robot = locked_as_logged(robot, unloaded[0], mapping=of_unloaded[0])
     runs: dict[str, Sequence[Recording]] = {
-        "unloaded": recordings(robot, unloaded, mapping, cutoff, rows),
-        "loaded": recordings(robot, loaded_log, mapping, cutoff, rows),
+        "unloaded": recordings(robot, unloaded, of_unloaded, cutoff, rows),
+        "loaded": recordings(robot, loaded_log, of_loaded, cutoff, rows),
     }
     fitted = force_model(
         robot, chosen_model(robot, model, [*runs["unloaded"], *runs["loaded"]]), terms
@@ -234,15 +239,20 @@ def payload(
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
         gains = drive_gains(fitted, link=link, load=load, **runs, estimator=estimator)
         if write_mapping is not None:
-            write_file(write_mapping, gains.mapping(mapping).content)
+            write_file(write_mapping, gains.mapping(of_unloaded[0]).content)
         report = gains_report(robot, gains)
     answer.show(_vetoed(report, log_faults_by_log(robot, runs["unloaded"], fitted.joint_terms)))
 
 
 def _require_gains(
-    known_mass: float | None, centre: str | None, mapping: str | None, inputs: Sequence[Path | str]
+    answer: Answer,
+    inputs: Sequence[Path | str],
+    known_mass: float | None,
+    centre: str | None,
+    mapping: str | None,
 ) -> None:
-    """Refuse options of gains without a mass, and a mapping in the place of an input."""
+    """Refuse options of gains without a mass, and results in the place of an input."""
+    answer.require(*inputs)
     if known_mass is None and (centre or mapping):
         given = "--centre" if centre else "--write-mapping"
         raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")

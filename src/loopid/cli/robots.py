@@ -15,8 +15,8 @@ from typer import Argument, Option
 from loopid.cli import completion
 from loopid.cli.advice import command_with, in_options
 from loopid.cli.shell import answering, with_options
-from loopid.errors import OptionError, shown
-from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
+from loopid.errors import OptionError, counted, shown
+from loopid.files import require_ending, require_name, require_other_file, write_file, write_files
 from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -46,6 +46,11 @@ TERMS = (
 )
 GIVEN_TERMS = Option("none", help=TERMS, autocompletion=completion.terms)
 MAPPING = Option(None, metavar="YAML", help="File that says which columns of LOG are what.")
+MAPPINGS = Option(
+    None,
+    metavar="YAML",
+    help="File that says which columns of LOG are what: one for all, or one a log, in order.",
+)
 
 
 def loaded(
@@ -224,7 +229,7 @@ def simulate(
     if out is not None:
         require_name(out, "the log")
         require_other_file(out, *own_files(robot), *filter(None, [program]))
-        require_own_kind(out, LOG_ENDINGS)
+        require_ending(out, LOG_ENDINGS)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     planned = read_motion_program(program or _bundled_motions(robot)).motion(motion, rate)
     text = simulate_log(robot, planned, errors, terms=terms, cad_error=cad_error, seed=seed)
@@ -282,7 +287,7 @@ def excite(
     after: list[str] | None = Option(
         None, metavar="LOG", help="A log that you already have; repeatable."
     ),
-    mapping: str | None = MAPPING,
+    mapping: list[str] | None = MAPPINGS,
     parameters: list[str] | None = Option(
         None, "--for", metavar="PARAMETER", help="One that the motion should excite; repeatable."
     ),
@@ -316,7 +321,8 @@ def excite(
     from loopid.logs.reading import locked_as_logged
     from loopid.report.excitation import excitation_report
 
-    answer.require(robot.path, mapping, *(after or ()))
+    answer.require(robot.path, *(mapping or ()), *(after or ()))
+    (mappings,) = mapping_of_each(mapping, after=after)
     limits = MotionLimits(
         share=share,
         positions=ranges(limit, "--limit"),
@@ -341,8 +347,8 @@ def excite(
         seed=seed,
     )
     require_model(model)
-    robot = locked_as_logged(robot, after[0], mapping=mapping) if after else robot
-    logged = recordings(robot, after, mapping)
+    robot = locked_as_logged(robot, after[0], mapping=mappings[0]) if after else robot
+    logged = recordings(robot, after, mappings)
     chosen = chosen_model(robot, model, logged)
     fitted = force_model(robot, chosen, terms)
     with progress_bar(criterion) as watch:
@@ -392,7 +398,10 @@ def init(
     floating_base: bool = Option(False, "--floating-base", help="The root moves freely."),
     xacro: list[str] | None = XACRO,
 ) -> None:
-    """Write a YAML and a mapping to fill in, with the closures that a file shows."""
+    """Write a YAML and a mapping to fill in.
+
+    The YAML has the closures that the file shows. The mapping names the columns of the log.
+    """
     from loopid.export.first_files import write_in_words
 
     options = {"floating_base": floating_base, "xacro": macro_arguments(xacro)}
@@ -425,7 +434,10 @@ def schema(
         autocompletion=completion.words_of("export.first_files:FORMS"),
     ),
 ) -> None:
-    """Print the JSON schema of a YAML, by which editors complete keys and mark mistakes."""
+    """Print the JSON schema of a YAML, for editors.
+
+    They complete keys by it, and mark mistakes.
+    """
     from loopid.export.first_files import file_schema
 
     typer.echo(json.dumps(file_schema(kind), indent=1, ensure_ascii=False))
@@ -486,32 +498,59 @@ def row_range(text: str | None) -> tuple[int, int | None] | None:
 def recordings(
     robot: Robot,
     paths: Sequence[str] | None,
-    mapping: str | None = None,
+    mappings: Sequence[str | None],
     cutoff: float | None = None,
     rows: str | None = None,
-) -> tuple[Recording, ...]:
-    """Logs of an option, read and made ready."""
+) -> list[Recording]:
+    """Logs of an option, each with its mapping, read and made ready."""
     from loopid.logs.reading import read_recordings
 
+    found: list[Recording] = []
+    part, lowpass = row_range(rows), _filter(cutoff)
     with progress_bar("assembling") as report:
-        return read_recordings(
-            robot,
-            paths or (),
-            mapping,
-            rows=row_range(rows),
-            filter=_filter(cutoff),
-            progress=report,
+        for path, mapping in zip(paths or (), mappings, strict=True):
+            found += read_recordings(
+                robot, [path], mapping, rows=part, filter=lowpass, progress=report
+            )
+    return found
+
+
+def mapping_of_each(
+    given: Sequence[str] | None, **logs: Sequence[str] | None
+) -> list[list[str | None]]:
+    """The mapping of each log of some options: one for all, or one for each in order."""
+    counts = [len(paths or ()) for paths in logs.values()]
+    every = [*(given or (None,))]
+    if len(every) == 1:
+        every *= sum(counts)
+    if len(every) != sum(counts):
+        named = ", ".join(
+            f"--{name.replace('_', '-')}" if name != "logs" else "LOG" for name in logs
         )
+        raise OptionError(
+            f"--mapping must be given once for all logs, or once for each in the order of {named}, "
+            f"not {len(every)} times for {counted(sum(counts), 'log')}",
+            given=tuple(every),
+        )
+    rest = iter(every)
+    return [[next(rest) for _ in range(count)] for count in counts]
 
 
 def commanded_motions(
-    robot: Robot, paths: Sequence[str] | None, mapping: str | None, cutoff: float | None
-) -> tuple[JointMotion, ...]:
+    robot: Robot,
+    paths: Sequence[str] | None,
+    mappings: Sequence[str | None],
+    cutoff: float | None,
+) -> list[JointMotion]:
     """Motions of an option, which need no forces."""
     from loopid.logs.reading import read_commanded
 
+    found: list[JointMotion] = []
+    lowpass = _filter(cutoff)
     with progress_bar("assembling") as report:
-        return read_commanded(robot, paths or (), mapping, filter=_filter(cutoff), progress=report)
+        for path, mapping in zip(paths or (), mappings, strict=True):
+            found += read_commanded(robot, [path], mapping, filter=lowpass, progress=report)
+    return found
 
 
 def _filter(cutoff: float | None) -> FilterOptions:

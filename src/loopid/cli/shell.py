@@ -7,8 +7,8 @@ import shlex
 import shutil
 import sys
 import warnings
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -17,7 +17,7 @@ from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from loopid.cli.advice import in_options
 from loopid.errors import LoopidError, OptionError, counted, one_line
@@ -60,16 +60,37 @@ class Command(TyperCommand):
             refuse(in_options(str(error), ctx))
         except MemoryError as error:
             refuse(f"there is not enough memory: {error}")
-        except BrokenPipeError as error:  # as of ``loopid ... | head``, which has seen enough
-            _write_no_more()
-            raise typer.Exit(CLOSED_PIPE) from error
-        except OSError as error:
-            if error.filename is None:
-                _write_no_more()
-            refuse(f"{error.filename or 'standard output'}: {error.strerror}")
         except KeyboardInterrupt:
             say("interrupted")
             raise
+
+
+class Commands(TyperGroup):
+    """The list of commands. What takes their words, or those of ``--help``, may be full or gone."""
+
+    def make_context(self, *args: Any, **more: Any) -> Any:
+        """Read the options of ``loopid`` itself; two of them are answered at once."""
+        with _answered():
+            return super().make_context(*args, **more)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command, or show its help."""
+        with _answered():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _answered() -> Iterator[None]:
+    """Refuse in one line where files or the standard output take no more."""
+    try:
+        yield
+    except BrokenPipeError as error:  # as of ``loopid ... | head``, which has seen enough
+        _write_no_more()
+        raise typer.Exit(CLOSED_PIPE) from error
+    except OSError as error:
+        if error.filename is None:
+            _write_no_more()
+        refuse(f"{error.filename or 'standard output'}: {error.strerror}")
 
 
 def _write_no_more() -> None:

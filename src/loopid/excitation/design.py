@@ -225,7 +225,10 @@ def design_motion(
         warnings.simplefilter("ignore", AccuracyWarning)  # of motions that are tried
         unknown = Unknown.of(model, payload)
         poses = random_configurations(
-            model.robot, POSES, options.seed, options=SamplingOptions(singularity_threshold=0.0)
+            model.robot,
+            POSES,
+            seed=options.seed,
+            options=SamplingOptions(singularity_threshold=0.0),
         )
         criterion = unknown.criterion(options.criterion, parameters, model)
         size = options.size or SIZES.get(options.shape)

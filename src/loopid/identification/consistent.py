@@ -180,7 +180,8 @@ def consistent_parameters(
 ) -> FloatArray:
     """The standard parameters (p,) of ``consistent_fit``, without their uncertainty.
 
-    The deviations are those of a fit of more data, ``like``; without it, the most likely ones.
+    The deviations are those of a fit of more data, ``like``, which is also where the search begins;
+    without it, the most likely ones.
     """
     _, program = _posed(force_model, data, noise)
     with one_blas_thread():
@@ -191,7 +192,7 @@ def consistent_parameters(
             program, bodies = _terms_alone(force_model, program)
         state = program.first(1.0)
         if far is not None:
-            state = replace(state, deviations=far.own)
+            state = replace(program.near(state, like.require_bodies()), deviations=far.own)
         if like.term_deviations is not None:
             state = replace(state, groups=like.term_deviations.own)
         return bodies + program.standard(_minimised(program, state)[0])
@@ -511,6 +512,13 @@ class _Program:
         joints = terms.start if inside else np.zeros(len(terms.start))
         groups = FIRST * terms.bounds[:, 1]
         return _State(self.file, joints, np.full(len(self.file), deviation), groups)
+
+    def near(self, state: _State, standard: FloatArray) -> _State:
+        """A state with the bodies of standard parameters (p,), where these say all of bodies."""
+        if self.columns.shape[1] < len(KINDS):
+            return state
+        P = pseudo_inertia(standard[self.columns])
+        return replace(state, factors=upper_factor(P))
 
     def standard(self, state: _State) -> FloatArray:
         """Standard parameters and joint terms (p,) of a state."""

@@ -248,7 +248,9 @@ def _fitted(
     try:
         robot = force_model.robot
         runs = recordings if cutoff is None else at_cutoff(robot, recordings, cutoff)
-        problem = FitProblem.combined(force_model.samples(run, n_jobs).problem for run in runs)
+        problem = FitProblem.combined(
+            force_model.samples(run, n_jobs=n_jobs).problem for run in runs
+        )
         if not problem.rows:
             return None
         freedom = np.asarray(problem.samples * (problem.freedom / problem.rows))

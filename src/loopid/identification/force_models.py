@@ -245,7 +245,7 @@ class ForceModel:
         bodies = self.robot.standard_parameters(self.model)
         return np.concatenate([bodies, np.nan_to_num(self.joint_values)])
 
-    @property
+    @cached_property
     def joint_values(self) -> FloatArray:
         """Values (k,) of all joint terms by the robot file; NaN where it gives none."""
         terms = self.joint_terms
@@ -342,7 +342,7 @@ class ForceModel:
         return replace(self, joint_terms=terms, base=wide, bodies=None, drives=None)
 
     @one_as_many
-    def regressor(self, motion: JointMotion | FloatArray, n_jobs: int = 1) -> FloatArray:
+    def regressor(self, motion: JointMotion | FloatArray, *, n_jobs: int = 1) -> FloatArray:
         """Forces (N, dof, n) per unit of each parameter along a motion, using ``n_jobs``.
 
         Or what holds the robot in closed configurations (nq,) or (N, nq): (dof, n) or (N, dof, n).
@@ -364,7 +364,7 @@ class ForceModel:
         *rates, slips = state
         return self.loaded(self.base.regressor(self.standard_regressor(*rates, slips=slips)))
 
-    def samples(self, recording: Recording, n_jobs: int = 1) -> FitSamples:
+    def samples(self, recording: Recording, *, n_jobs: int = 1) -> FitSamples:
         """The recording as samples of a fit.
 
         Parameters
@@ -382,7 +382,7 @@ class ForceModel:
         if not len(recording.motion.time):
             raise DataError(f"{recording.name} has no samples")
         self._require_turns(recording)
-        W = self._with_filtered_steps(self.regressor(recording.motion, n_jobs), recording)
+        W = self._with_filtered_steps(self.regressor(recording.motion, n_jobs=n_jobs), recording)
         used, least = recording.used, None
         free = np.isin(recording.actuators, self.robot.free)
         if free.any():
@@ -692,7 +692,7 @@ def samples_of(
             given=len(references),
             valid=len(recordings),
         )
-    parts = [force_model.samples(recording, n_jobs) for recording in recordings]
+    parts = [force_model.samples(recording, n_jobs=n_jobs) for recording in recordings]
     for k, reference in enumerate(references):
         instruments = reference_instruments(force_model, recordings[k], reference, n_jobs=n_jobs)
         parts[k] = parts[k].with_instruments(instruments)
@@ -713,7 +713,7 @@ def reference_instruments(
             f"{reference.configurations.shape[1]}"
         )
     rows = _nearest(np.asarray(reference.time), np.asarray(recording.motion.time))
-    return force_model.regressor(reference.select(rows), n_jobs)
+    return force_model.regressor(reference.select(rows), n_jobs=n_jobs)
 
 
 def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:

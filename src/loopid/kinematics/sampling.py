@@ -69,7 +69,7 @@ class SamplingOptions:
 
 @checked
 def random_configurations(
-    robot: Robot, count: Count, seed: int = 0, *, options: SamplingOptions | None = None
+    robot: Robot, count: Count, *, seed: int = 0, options: SamplingOptions | None = None
 ) -> FloatArray:
     """Draw closed configurations on the reference's branch.
 
@@ -234,6 +234,7 @@ def _completed(robot: Robot, q: FloatArray, generator: np.random.Generator) -> F
 def random_motions(
     robot: Robot,
     count: Annotated[int, Field(ge=0, le=MOST_SAMPLES)],
+    *,
     seed: int | np.random.Generator = 0,
 ) -> tuple[FloatArray, FloatArray]:
     """Draw independent velocities and accelerations (count, dof) each.

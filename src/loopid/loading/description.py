@@ -230,7 +230,9 @@ class Description(Section):
         for first, second in (("closed_loop", "type"), ("joint_name", "joint_type")):
             one, two = len(getattr(self, first)), len(getattr(self, second))
             if one != two:
-                raise ValueError(f"'{first}' has {one} entries, but '{second}' has {two}")
+                raise ValueError(
+                    f"'{first}' must be as long as '{second}', but lengths are {one} and {two}"
+                )
         for name, limits in self.limits.items():
             if limits and not limits[0] < limits[1]:
                 raise ValueError(f"limits: {name}: {limits[0]:g} is not below {limits[1]:g}")

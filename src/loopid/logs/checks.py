@@ -7,8 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataWarning, LogError, OptionError, counted, warn
 from loopid.logs.grid import (
     BAD_ROWS,
@@ -37,6 +38,9 @@ OUTSIDE, FAR_OUTSIDE = 1e-3, 1.0
 # of it.
 UNEVEN = 0.1
 GLITCH = 100.0  # forces this many times their 99th percentile are none
+# A spike is off the median of itself and two samples on either side by this many times as much as
+# 99 % of its signal are, and by this many of the largest steps of these medians.
+SPIKE, FAST = 20.0, 2.0
 # Measured rates and changes of the position: relative difference (root mean square) that passes
 # without a word, and ratio, or its inverse, from which on the rates are something else.
 APART, GAIN = 0.1, 1.25
@@ -122,7 +126,7 @@ def check_stream(robot: Robot, stream: Stream, *, static: bool = False) -> Strea
     stream = _without_glitches(_inside_limits(robot, stream))
     model = robot.model
     if not static:
-        stream = _unwrapped(robot, stream)
+        stream = _without_spikes(_unwrapped(robot, stream))
         seconds = np.diff(stream.stamps) / 1e9
         for joint, values in stream.signals("position"):
             limit = model.upperVelocityLimit[robot.velocity_indices([joint])[0]]
@@ -256,6 +260,37 @@ def _unwrapped(robot: Robot, stream: Stream) -> Stream:
         if len(own) == len(POSE):
             values[:, own] = continued(values[:, own])
     return replace(stream, values=values)
+
+
+def _without_spikes(stream: Stream) -> Stream:
+    """The stream with positions and forces interpolated where they jump there and back."""
+    values = stream.values.copy()
+    for quantity in ("position", "force"):
+        for k in stream.places(quantity):
+            spikes = spikes_of(values[:, k])
+            if quantity == "force":  # that of friction is away for a sample where a motor halts
+                sizes = np.abs(values[:, k])
+                spikes &= sizes > FAST * sizes[~spikes].max()
+            if spikes.any():
+                found = f"the {quantity} of {stream.channels[k].joint} jumps there and back in"
+                rows = rows_text(stream.rows[spikes])
+                warn(f"{stream.source}: {found} {rows}: interpolated", DataWarning)
+                known = stream.stamps[~spikes], values[~spikes, k]
+                values[spikes, k] = np.interp(stream.stamps[spikes], *known)
+    return replace(stream, values=values)
+
+
+def spikes_of(values: FloatArray) -> BoolArray:
+    """Where a signal (N,) jumps and is back after a sample or two.
+
+    Noise, friction that turns and the steps of an encoder do so too, but not by so much more than
+    usual. A jump to stay is none: the median has it too.
+    """
+    around = sliding_window_view(np.pad(values, 2, mode="edge"), 5)
+    usual = np.median(around, axis=1)
+    off = np.abs(values - usual)
+    farthest = max(SPIKE * np.percentile(off, 99), FAST * np.abs(np.diff(usual)).max(initial=0.0))
+    return np.asarray(off > farthest)
 
 
 def _warn_of_excess(stream: Stream, what: str, limit: float, sizes: FloatArray) -> None:

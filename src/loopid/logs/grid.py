@@ -150,8 +150,17 @@ def with_increasing_stamps(stream: Stream) -> Stream:
     same[1:] &= (stream.values[1:] == stream.values[:-1]).all(axis=1)
     stream = stream.without(same, "the same time and values as in the row before")
     again = np.append(False, np.diff(stream.stamps) == 0)
-    reason = "time stands still, with other values,"
-    stream = stream.without(again, reason, REPEATED_STAMPS)
+    span = (stream.stamps[-1] - stream.stamps[0]) / 1e9
+    if again.mean() > REPEATED_STAMPS and span > 0:
+        rate = float(np.ptp(stream.rows)) / span
+        raise stream.refused(
+            f"time stands still, with other values, in {rows_text(stream.rows[again])} of "
+            f"{len(again)} (at most {REPEATED_STAMPS:.0%} may be left out): if rows are even and "
+            f"the clock is coarse, give rate: {rate:.6g} in a mapping, or such times in Python",
+            tolerance=REPEATED_STAMPS,
+            rate=rate,
+        )
+    stream = stream.without(again, "time stands still, with other values,", REPEATED_STAMPS)
     wrong = np.flatnonzero(np.diff(stream.stamps) <= 0) + 1
     if len(wrong):
         raise stream.refused(

@@ -23,19 +23,20 @@ from loopid.arguments import (
     samples,
     spread_rows,
 )
-from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
+from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, first_of, warn
 from loopid.findings import Finding
 from loopid.kinematics.assembly import Assembly, AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import difference
 from loopid.kinematics.projection import project, singularity_measure
-from loopid.logs.checks import check_log, require_known_motion
-from loopid.logs.grid import Dropped
+from loopid.logs.checks import check_log, require_known_motion, spikes_of
+from loopid.logs.grid import MOST_NAMED, Dropped
 from loopid.logs.log import ExternalWrench, Log, renumbered
 from loopid.logs.recording import FilterOptions, MaskOptions, RateHistory, Recording, reach_of
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
 from loopid.progress import Progress
+from loopid.records import derived
 from loopid.robot.robot import Robot
 
 LEAST_SAMPLES = 3  # what it takes to differentiate
@@ -139,7 +140,7 @@ def prepare(
     read = check_log(robot, log)
     if read.static:
         filter = replace(filter, cutoff=None)  # noqa: A001
-    log = without_frozen(read)
+    log = read if read.static else apart_at_jumps(without_frozen(read))
     lowpass = filter.lowpass(provisional_cutoff(robot, log))
     limits = saturation_of(robot, log)
     log = long_enough(log, lowpass)
@@ -243,21 +244,26 @@ def in_motion_band(robot: Robot, recording: Recording) -> Recording:
     return found
 
 
-# ---- encoders that freeze ----------------------------------------------------------------------
+# ---- encoders that freeze, and logs that jump ----------------------------------------------------
 
 
 def without_frozen(log: Log) -> Log:
     """The log without samples in which a position is frozen: all motions there are wrong."""
-    lost, dropped = np.zeros(len(log), dtype=bool), []
-    if log.static:
-        return log
-    for k, joint in enumerate(log.joints):
-        flags = np.concatenate([_frozen(log.position[part], k) for part in log.parts()])
+    frozen, dropped = _frozen_samples(log), []
+    for joint, flags in zip(log.joints, frozen.T, strict=True):
         if flags.any():
             dropped.append(Dropped.at(f"position of {joint} is frozen", log.time[flags]))
             warn(f"{log.name}: {dropped[-1]}: it jumps to or from a standstill", DataWarning)
-            lost |= flags
+    lost = np.asarray(frozen.any(axis=1))
     return log if not lost.any() or lost.all() else log.select(~lost, *dropped)
+
+
+@derived
+def _frozen_samples(log: Log) -> BoolArray:
+    """Where positions (N, m) are frozen."""
+    parts, motors = log.parts(), range(len(log.joints))
+    found = [[_frozen(log.position[part], k) for k in motors] for part in parts]
+    return np.concatenate([np.stack(own, axis=1) for own in found])
 
 
 def _frozen(positions: FloatArray, k: int) -> BoolArray:
@@ -284,6 +290,37 @@ def _frozen(positions: FloatArray, k: int) -> BoolArray:
         if jumps or change[a + count] > ABRUPT * usual:
             flags[a : b + 1] = jumps or (np.ptp(positions[a : b + 1], axis=0) > much).any()
     return flags
+
+
+def apart_at_jumps(log: Log) -> Log:
+    """The log with a segment of its own for what follows a jump of a position.
+
+    So logs that were written one after the other do not become one motion.
+    """
+    jumps = _jumps(log)
+    for joint, flags in zip(log.joints, jumps.T, strict=True):
+        if flags.any():
+            at = first_of([f"{time:.6g}" for time in log.time[flags].tolist()], MOST_NAMED)
+            said = f"the position of {joint} jumps at {at} s: what follows is a segment apart"
+            warn(f"{log.name}: {said}", DataWarning)
+    if not jumps.any():
+        return log
+    begins = np.append(True, np.diff(log.segments) > 0) | jumps.any(axis=1)
+    return replace(log, segments=np.cumsum(begins) - 1)
+
+
+@derived
+def _jumps(log: Log) -> BoolArray:
+    """Samples (N, m) that positions jump to."""
+    found = np.zeros(log.position.shape, dtype=bool)
+    for part in log.parts():
+        for k in range(len(log.joints)):
+            steps = np.diff(log.position[part, k])
+            ways = np.abs(steps)
+            far = ways > JUMP * np.percentile(ways, 99) if len(ways) else ways
+            if far.any():
+                found[part, k][1:] = far & spikes_of(steps)
+    return found
 
 
 # ---- filter and differentiate ------------------------------------------------------------------
@@ -588,13 +625,19 @@ def sticking(log: Log, velocity: FloatArray) -> BoolArray:
     """
     found = np.zeros(velocity.shape, dtype=bool)
     for k, joint in enumerate(() if log.static else log.joints):
-        position, speed, step = log.position[:, k], np.abs(velocity[:, k]), log.step_of(joint)
+        speed = np.abs(velocity[:, k])
         fast = speed >= np.percentile(speed, 99) / 2
-        changes = np.append(np.diff(position) != 0, True) & fast
+        changes = np.append(np.diff(log.position[:, k]) != 0, True) & fast
         repeats = fast.sum() / max(changes.sum(), 1)  # values may be held for some samples
-        for part in log.parts():
-            found[part, k] = _sticks(position[part], step, int(np.ceil(repeats)))
+        found[:, k] = _sticks_of(log, joint, int(np.ceil(repeats)))
     return found
+
+
+@derived
+def _sticks_of(log: Log, joint: str, repeats: int) -> BoolArray:
+    """Where a motor of a log, whose values are each repeated, sticks (N,)."""
+    position, step = log.position[:, log.joints.index(joint)], log.step_of(joint)
+    return np.concatenate([_sticks(position[part], step, repeats) for part in log.parts()])
 
 
 def _sticks(position: FloatArray, step: float, repeats: int) -> BoolArray:
@@ -743,6 +786,13 @@ def motion_band(robot: Robot, log: Log) -> float:
     Bodies and forces go with sine and cosine of what turns, which are faster than an angle that
     goes far: a crank that turns steadily has rates of no frequency at all.
     """
+    straight = np.isin(robot.velocity_indices(log.joints), robot.prismatic)
+    return _band(log, tuple(straight.tolist()))
+
+
+@derived
+def _band(log: Log, slides: tuple[bool, ...]) -> float:
+    """That of a log, by which of its motors slide (m,)."""
     part = max(log.parts(), key=lambda part: part.stop - part.start)
     rate, count = log.rate(part), part.stop - part.start - 1
     if count + 1 < LEAST_COUNT:
@@ -750,7 +800,7 @@ def motion_band(robot: Robot, log: Log) -> float:
     frequency = np.fft.rfftfreq(count, 1 / rate)
     window = np.hanning(count + 2)[1:-1]
     above = np.searchsorted(frequency, WIDTHS * frequency, "right") - 1
-    straight, band = np.isin(robot.velocity_indices(log.joints), robot.prismatic), 0.0
+    straight, band = np.array(slides), 0.0
     for kind, signals in ((straight, (np.positive,)), (~straight, (np.sin, np.cos))):
         below = np.zeros(len(frequency))
         for position in log.position[part][:, kind].T:

@@ -187,9 +187,12 @@ def _require_possible(source: str, column: polars.Series, unit: int) -> None:
     """Refuse times of which none is within centuries of the epoch."""
     least = floats(column).abs().min()
     if isinstance(least, float) and least * unit > LARGEST_STAMP:
+        # The longest that fits: times since the epoch are of this century in one unit only.
+        fitting = [name for name, each in NANOSECONDS.items() if least * each <= LARGEST_STAMP]
+        best = max(fitting, key=NANOSECONDS.__getitem__, default="ns")
         raise LogError(
             f"{source}: times in column {column.name!r} are {least:.3g} and more, which is too "
-            "much in its unit: give the unit of the time in a mapping, such as ns",
+            f"much in its unit: give it in a mapping, as time: {{column: NAME, unit: {best}}}",
             file=source,
             given=least,
         )

@@ -196,7 +196,7 @@ def simulate(
 
 
 @checked
-def scaled_bodies(robot: Robot, deviation: NotNegative, seed: int = 0) -> FloatArray:
+def scaled_bodies(robot: Robot, deviation: NotNegative, *, seed: int = 0) -> FloatArray:
     """Standard parameters (n,) of a robot whose bodies differ from the robot file's.
 
     All ten parameters of a body are multiplied by one factor, log-normal. So it stays physically
@@ -224,7 +224,7 @@ def scaled_bodies(robot: Robot, deviation: NotNegative, seed: int = 0) -> FloatA
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> bodies = loopid.motion.scaled_bodies(robot, 0.2, 1)
+    >>> bodies = loopid.motion.scaled_bodies(robot, 0.2, seed=1)
     >>> (bodies / robot.standard_parameters())[::10].round(2)
     array([1.07, 1.18, 1.07, 0.77])
     """
@@ -254,7 +254,7 @@ def simulate_log(
         motion,
         noise,
         seed=seed,
-        standard_parameters=scaled_bodies(robot, cad_error, seed),
+        standard_parameters=scaled_bodies(robot, cad_error, seed=seed),
         joint_terms=chosen,
         joint_values=values,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from decimal import ROUND_CEILING, Context
+from decimal import ROUND_CEILING, Context, Decimal
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,6 +39,7 @@ MOST_TERMS = 6  # of a doubtful combination, in tables
 LEAST_RANK = 2  # of a closure that takes away freedoms of a flat loop
 FEW, SOME = 4, 8  # names, and closures, that the terminal shows; the page has all
 SCREEN, SHOWN = 30, 16  # base parameters that the terminal shows whole; of more, the first ones
+MOST_READ = 10**12  # choices whose number is written out
 SEARCH = (
     *("name", "criterion", "condition_number", "certified", "gap", "candidates", "evaluated"),
     *("nodes", "ties", "tolerance", "reason", "seconds"),
@@ -363,10 +364,10 @@ def base_report(
     best: Tone = "good" if search["certified"] else "rough"
     proven = "proven best" if search["certified"] else "not proven"
     figures = (
-        Figure(f"{found['rank']}", "combinations", f"of {found['standard_parameters']} parameters"),
+        Figure(f"{found['rank']}", "base parameters", f"of {found['standard_parameters']}"),
         Figure(f"{found['rank_gap'] or math.inf:.0e}", "gap of singular values"),
         Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
-        Figure(f"{1e3 * search['seconds']:.3g} ms", f"for {search['candidates']:,} choices"),
+        Figure(f"{1e3 * search['seconds']:.3g} ms", f"for {_choices(search)} choices"),
     )
     tried = (search_chart([base.search]), groups_table(search)) if search["subgroups"] else ()
     return Report(
@@ -470,6 +471,12 @@ def _few_terms(combination: Mapping[str, Any]) -> str:
     return first + (" + ..." if len(combination["terms"]) > MOST_TERMS else "")
 
 
+def _choices(search: dict[str, Any]) -> str:
+    """How many there are, in a power of ten where nobody reads the digits."""
+    count = search["candidates"]
+    return f"{count:,}" if count < MOST_READ else f"{Decimal(count):.1e}"  # may be beyond floats
+
+
 def _gap(choice: dict[str, Any]) -> str:
     """How clear a rank is."""
     gap = f"singular-value gap {choice['rank_gap']:.1e}"
@@ -492,7 +499,7 @@ def _findings(record: dict[str, Any]) -> dict[str, str]:
             f"{record['nonzero_parameters']} of {record['standard_parameters']}"
         ),
         "base parameters": f"{record['rank']} ({_gap(record)})",
-        "combinations": f"{search['candidates']:,}",
+        "choices": _choices(search),
         "search": f"{search['name']}, criterion {search['criterion']}",
         "cond(V22), cond(W_B)": _conditions(record),
         "certificate": certificate(search),
