@@ -539,7 +539,9 @@ def test_a_gain_of_all_motors_has_bodies_as_heavy_as_the_file_on_average(tmp_pat
     path.write_text(ARM)
     arm = loopid.load(path)
     motion = wander(arm, seed, 8.0, 50.0, size=(0.8, 0.8))
-    run = record(arm, motion, JointTerms.with_values(arm, "Fc=0.5"), scaled_bodies(arm, 0.1, seed))
+    run = record(
+        arm, motion, JointTerms.with_values(arm, "Fc=0.5"), scaled_bodies(arm, 0.1, seed=seed)
+    )
     run = Recording.of_motion(motion, 20 * run.force, arm.actuated)
     model = Evidence(arm, [run], None)
     found = _finds(model, model.weighed(model.recorded), assembled=False)
