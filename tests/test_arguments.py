@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from inspect import unwrap
+from operator import attrgetter
 from pathlib import Path
 from typing import Literal
 
@@ -70,6 +71,15 @@ def test_what_is_annotated_is_taken_and_the_rest_refused(words):
         assert refused.value.facts["given"] is value
 
 
+def test_all_that_an_argument_may_be_is_named():
+    @checked
+    def function(value: Thing | str | None) -> None:
+        pass
+
+    with pytest.raises(OptionError, match=r"^value must be of type Thing or a string, not 3"):
+        function(3)
+
+
 def test_a_wrong_entry_is_named():
     @checked
     def function(several: Sequence[Thing] = (), table: Mapping[str, float] | None = None) -> None:
@@ -77,6 +87,8 @@ def test_a_wrong_entry_is_named():
 
     with pytest.raises(OptionError, match=r"^several\[1\] must be of type Thing, not 3"):
         function([Thing(np.zeros(1)), 3])
+    with pytest.raises(OptionError, match=r"^several must be a sequence, not 3"):
+        function(3)
     with pytest.raises(OptionError, match=r"^table must be a number, not 'x'"):
         function(table={"a": "x"})
 
@@ -110,7 +122,7 @@ def test_what_gives_an_object_is_named(knee):
     with pytest.raises(OptionError, match=r"of type Robot, not 'knee': load\w* gives one"):
         mobility("knee")
     for maker in MADE_BY.values():
-        assert callable(getattr(loopid, maker))
+        assert callable(attrgetter(maker)(loopid))
 
 
 def test_an_object_that_has_what_is_asked_for_says_so(load_once):

@@ -192,7 +192,7 @@ def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -
         message = f"{name} must have shape {one}, not {np.shape(array)}"
         raise DataError(message, argument=name, given=np.shape(array), width=width)
     if count is not None and len(values) != count:
-        message = f"{name} must have {counted(count, 'row')}, one a sample, not {len(values)}"
+        message = f"{name} must have {counted(count, 'row')}, one a sample, not {len(values):,}"
         raise DataError(message, argument=name, given=len(values), samples=count)
     return values
 
@@ -380,6 +380,7 @@ MADE_BY = {
     "Robot": "load",
     "ForceModel": "force_model",
     "Log": "read_log",
+    "JointMotion": "motion.joint_motion",
     "Recording": "prepare",
     "Fit": "load_fit",
     "Estimates": "load_fit",
@@ -460,12 +461,14 @@ def _refusal(details: list[ErrorDetails], names: list[str]) -> LoopidError:
     said = worded(detail, _shown)
     if detail is not details[0]:
         said = said.replace("must be", "must be a number or", 1)
-    if detail["type"] == "is_instance_of":
-        same = (other.get("ctx", {}) for other in details if other["loc"][0] == place)
-        kinds = [each["class"].lstrip("_") for each in same if "class" in each]
+    if detail["type"] == "is_instance_of" and detail["ctx"]["class"] != Sequence.__name__:
+        same = [other for other in details if other["loc"][0] == place]
+        known = (each.get("ctx", {}).get("class", "") for each in same)
+        kinds = [name.lstrip("_") for name in known if name]
         kinds = [*dict.fromkeys(ABSTRACT.get(each, each) for each in kinds)]
         makers = " or ".join(MADE_BY[each] for each in kinds if each in MADE_BY)
-        said = f"must be of type {' or '.join(kinds)}, not {_shown(detail['input'])}"
+        text = " or a string" if any(each["type"] == "string_type" for each in same) else ""
+        said = f"must be of type {' or '.join(kinds)}{text}, not {_shown(detail['input'])}"
         own = type(detail["input"])
         part = next((p for k in kinds if (p := PARTS.get(k)) and _has(own, p)), None)
         if part is not None:

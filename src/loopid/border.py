@@ -38,6 +38,7 @@ WORDS = {
     "dict_type": "must be keys with values, as {{key: value}}",
 }
 SHORTER = {
+    "an instance of Sequence": "a sequence",
     "Input should be": "must be",
     " a valid integer": " a whole number",
     " a valid ": " a ",

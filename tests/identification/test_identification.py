@@ -64,7 +64,7 @@ def test_a_mapping_that_no_data_need_is_refused(load_once):
     ):
         with pytest.raises(OptionError, match="a Log or a Recording has none: leave it out"):
             function(*given, mapping="no such file")
-    with pytest.raises(OptionError, match="not none"):  # without data, that is said
+    with pytest.raises(OptionError, match="not an empty list"):  # without data, that is said
         identify(robot, [], mapping="no such file")
 
 

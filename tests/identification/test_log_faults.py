@@ -524,14 +524,6 @@ def test_no_size_is_named_whose_interval_is_wider_than_itself(reach, worth):
     assert found.worth(None) == worth
 
 
-@pytest.mark.parametrize(("error", "worth"), [(0.9, False), (0.5, True)])
-def test_missing_inertia_is_no_time_axis_where_errors_hardly_fall(error, worth):
-    """Friction that the file has not may look like it, beside which errors stay."""
-    found = Explanation(None, 0.0, np.zeros(1), np.ones(2), np.ones(2), np.ones(2))
-    after = found._replace(error=np.array([error, 1.0]))
-    assert _Find("factor", (0, 1), after, 0.0, size=0.004, reach=0.45).worth(found) == worth
-
-
 @pytest.mark.parametrize("seed", few_of(range(6), 0))
 def test_a_gain_of_all_motors_has_bodies_as_heavy_as_the_file_on_average(tmp_path, seed):
     """Not lighter ones where bodies are nearer to the file than they may be."""
@@ -547,6 +539,15 @@ def test_a_gain_of_all_motors_has_bodies_as_heavy_as_the_file_on_average(tmp_pat
     found = _finds(model, model.weighed(model.recorded), assembled=False)
     (size,) = (one.size for one in found if one.kind == "common_gain")
     assert size == pytest.approx(20, rel=0.2)
+
+
+@pytest.mark.parametrize(("after", "worth"), [((31.0, 8.0), False), ((31.0, 5.0), True)])
+def test_inertia_is_missing_where_a_motor_lacks_it(after, worth):
+    before, after = (
+        Explanation(None, 0.0, None, np.array(error), None, None) for error in ((32.0, 9.0), after)
+    )
+    found = _Find("factor", (0, 1), after=after, evidence=4.0, size=0.004, reach=0.43)
+    assert found.worth(before) == worth
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,8 @@ def test_an_estimate_is_found_by_its_name_or_its_sum_and_no_member(found):
     _, member, *_ = base["left_crank_joint.Ia"]
     with pytest.raises(loopid.LoopidError, match=r"ask for .*left_crank_joint.Ia \+ 3 more"):
         fit[member]
+    with pytest.raises(loopid.LoopidError, match="by its name, not by 0"):
+        fit[0]
     with pytest.raises(loopid.LoopidError, match=r"unknown parameter .left_crank_joint\.Fx."):
         fit["left_crank_joint.Fx"]
 

@@ -217,20 +217,21 @@ def test_measured_rates_are_taken(arrays, knee, truth):
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("name", "change", "said"),
     [
-        {"time": lambda x: x[::-1]},
-        {"time": lambda x: x[:-1]},
-        {"position": lambda x: x[:, :3]},
-        {"force": lambda x: np.where(x > 0, np.nan, x)},
-        {"position": lambda x: x.astype(str)},
+        ("time", lambda x: x[::-1], r"time must increase, but entry 1 is .* after "),
+        ("time", lambda x: x[:, None], r"time must have shape \(samples,\), not "),
+        ("time", lambda x: x[:-1], r"position must have 1,600 rows, one a sample, not 1,601"),
+        ("position", lambda x: x[:, :3], r"position must have shape \(samples, 4\), not "),
+        ("force", lambda x: np.where(x > 0, np.nan, x), "force must be finite, but entry "),
+        ("position", lambda x: x.astype(str), "position must be numbers, not text"),
+        ("joints", lambda x: [x[0], *x[:-1]], "joints: leg1_stroke is named twice"),
     ],
 )
-def test_arrays_that_are_no_log_are_refused(arrays, knee, change):
-    named = dict(zip(("time", "position", "force"), arrays, strict=True))
-    ((name, function),) = change.items()
-    with pytest.raises(DataError):
-        Log.from_arrays(**named | {name: function(named[name])}, joints=knee.actuated)
+def test_arrays_that_are_no_log_are_refused(arrays, knee, name, change, said):
+    named = dict(zip(("time", "position", "force"), arrays, strict=True), joints=knee.actuated)
+    with pytest.raises(DataError, match=said):
+        Log.from_arrays(**named | {name: change(named[name])})
 
 
 def values(knee, arrays):

@@ -388,6 +388,8 @@ def test_another_robot_is_another_object(parallel):
     np.testing.assert_array_equal(other.pose().G, pose.G)
     with pytest.raises(OptionError, match="the pose is of another robot"):
         other.gravity(pose)
+    with pytest.raises(OptionError, match="of positions u or of configurations q: give one"):
+        parallel.pose(pose, q=pose.q)
     same = Dynamics(copy.deepcopy(robot))
     np.testing.assert_array_equal(same.gravity(pose), parallel.gravity(pose))
 

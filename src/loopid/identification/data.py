@@ -75,7 +75,7 @@ def require_some(data: Any) -> Any:
     """The first of the data; an OptionError where there are none."""
     for first in each_of(data):
         return first
-    raise OptionError(f"data must be {FORMS}, or a list of these, not none", given=data)
+    raise OptionError(f"data must be {FORMS}, or a list of these, not an empty list", given=data)
 
 
 def require_no_repetition(recordings: Sequence[Recording]) -> None:

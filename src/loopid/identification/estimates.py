@@ -209,6 +209,8 @@ class Estimates(Tabular):
 
     def __getitem__(self, name: str) -> Estimate:
         names, sums = self.parameters.names, self.parameters.expressions
+        if not isinstance(name, str):
+            raise OptionError(f"a value is asked for by its name, not by {name!r}", given=name)
         if name in sums:
             return self.estimates[sums.index(name)]
         if name in names:

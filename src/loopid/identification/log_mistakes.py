@@ -21,7 +21,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import NOT_EMPTY, BoolArray, FloatArray, checked
+from loopid.arguments import NOT_EMPTY, FloatArray, checked
 from loopid.errors import first_of
 from loopid.findings import EVIDENCE, Finding
 from loopid.identification.evidence import STRANGE, Evidence, Explanation, Undone
@@ -46,7 +46,7 @@ ROUNDS = 3  # mistakes one after the other
 # missing force has any, but none takes all of a force away but for a tenth of the same shape.
 SHAPE, FACTOR_SHAPE, SMALL_SHAPE, SMALL = 0.4, 0.15, 0.6, 0.1
 # Half of the 95 % interval at most, as a part of the size: a size that is not known is none. Errors
-# of motors that were exchanged, over those before, at most.
+# of motors that were exchanged, or of one that lacks inertia, over those before, at most.
 KNOWN, BETTER = 0.5, 0.8
 # Part of the shape of forces that the bodies carry at least, once a gain is undone.
 CARRIED = 0.5
@@ -286,21 +286,18 @@ class _Find(NamedTuple):
     def worth(self, found: Explanation) -> bool:
         """Whether a size is known and not as good as none; or errors of all its motors fall."""
         if not KINDS[self.kind].sizes:
-            return bool(self._better(found).all())
+            worse = self.after.error > BETTER * found.error
+            return not worse[list(self.motors)].any()
         least, size, reach = KINDS[self.kind].least, self.size, self.reach
         if KINDS[self.kind].added:
             return abs(size) - reach > least
         usual = size - reach <= least and 1 / least <= size + reach
         usual |= KINDS[self.kind].fields == ("gain",) and self._carried_by_others(found)
         known = reach <= KNOWN * abs(size)
-        # Of a time axis that is too short, missing inertia shows how much at least. Friction of
-        # another kind looks alike, but errors hardly fall.
-        known |= self.kind == "factor" and size + reach < 1 and bool(self._better(found).any())
+        # Of a time axis that is too short, inertia that a motor lacks shows how much at least.
+        if self.kind == "factor" and size + reach < 1:
+            known |= bool((self.after.error < BETTER * found.error).any())
         return (known or self.small) and not usual
-
-    def _better(self, found: Explanation) -> BoolArray:
-        """Of which of its motors errors fall clearly."""
-        return np.asarray((self.after.error <= BETTER * found.error)[list(self.motors)])
 
     def _carried_by_others(self, found: Explanation) -> bool:
         """Whether a gain makes forces that were explained ones that no body carries, as springs."""

@@ -24,7 +24,7 @@ from loopid.arguments import (
     rectangular,
     samples,
 )
-from loopid.errors import DataError, OptionError
+from loopid.errors import DataError, OptionError, shown
 from loopid.logs.grid import (
     Aligned,
     Dropped,
@@ -177,6 +177,9 @@ class Log(Tabular):
     def __post_init__(self) -> None:
         if not self.joints:
             raise DataError("joints must name the motors of a log", argument="joints")
+        twice = next((name for name in self.joints if self.joints.count(name) > 1), None)
+        if twice is not None:
+            raise DataError(f"joints: {twice} is named twice", argument="joints", given=twice)
         time = _row(self.time)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "segments", _segments(self.segments, len(time)))
@@ -518,8 +521,14 @@ def _row(time: ArrayLike, *, repeated: bool = False) -> FloatArray:
     """Times (N,), which increase, or at least do not go back."""
     values = finite(time, "time")
     back = np.less if repeated else np.less_equal
-    if values.ndim != 1 or not len(values) or back(np.diff(values), 0).any():
-        raise DataError("the time of a log must be a row of increasing numbers", argument="time")
+    if values.ndim != 1 or not len(values):
+        message = f"time must have shape (samples,), not {values.shape}"
+        raise DataError(message, argument="time", given=values.shape)
+    wrong = np.flatnonzero(back(np.diff(values), 0))
+    if len(wrong):
+        before, after = values[wrong[0] : wrong[0] + 2]
+        message = f"time must increase, but entry {wrong[0] + 1} is {after:g} after {before:g}"
+        raise DataError(message, argument="time", given=after)
     return values
 
 
@@ -528,8 +537,9 @@ def _segments(given: ArrayLike, count: int) -> IntArray:
     numbers = rectangular(given, "segments")
     whole = numbers.shape == (count,) and numbers.dtype.kind in "iu"
     if not whole or (np.diff(numbers) < 0).any():
-        message = f"segments must be {count} whole numbers that ascend"
-        raise DataError(message, argument="segments")
+        said = shown(numbers.tolist())
+        message = f"segments must be {count} whole numbers that ascend, not {said}"
+        raise DataError(message, argument="segments", given=numbers)
     return numbers.astype(np.int64, copy=False)
 
 

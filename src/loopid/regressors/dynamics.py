@@ -414,6 +414,8 @@ class Dynamics:
         MobilityError
             When the robot has independent coordinates that no joint position gives.
         """
+        if u is not None and q is not None:
+            raise OptionError("a pose is of positions u or of configurations q: give one of them")
         if isinstance(u, Pose):
             if u.robot is not self.robot and u.robot != self.robot:
                 raise OptionError(
