@@ -17,7 +17,7 @@ from loopid.files import csv_text
 from loopid.findings import PAGE
 from loopid.identification import log_faults
 from loopid.identification.evidence import Evidence, Explanation
-from loopid.identification.log_mistakes import _Find
+from loopid.identification.log_mistakes import _Find, _finds
 from loopid.identification.log_timing import late_by_seconds
 from loopid.identification.mistake_kinds import KINDS
 from loopid.kinematics import measured_coordinates
@@ -522,6 +522,23 @@ def test_a_motor_with_a_small_part_of_its_force_may_have_any_bodies(size, reach,
 def test_no_size_is_named_whose_interval_is_wider_than_itself(reach, worth):
     found = _Find("ratio", (0,), after=None, evidence=0.0, size=10.0, reach=reach)
     assert found.worth(None) == worth
+
+
+@pytest.mark.parametrize("seed", few_of(range(6), 0))
+def test_a_gain_of_all_motors_has_bodies_as_heavy_as_the_file_on_average(tmp_path, seed):
+    """Not lighter ones where bodies are nearer to the file than they may be."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    arm = loopid.load(path)
+    motion = wander(arm, seed, 8.0, 50.0, size=(0.8, 0.8))
+    run = record(
+        arm, motion, JointTerms.with_values(arm, "Fc=0.5"), scaled_bodies(arm, 0.1, seed=seed)
+    )
+    run = Recording.of_motion(motion, 20 * run.force, arm.actuated)
+    model = Evidence(arm, [run], None)
+    found = _finds(model, model.weighed(model.recorded), assembled=False)
+    (size,) = (one.size for one in found if one.kind == "common_gain")
+    assert size == pytest.approx(20, rel=0.2)
 
 
 @pytest.mark.parametrize(("after", "worth"), [((31.0, 8.0), False), ((31.0, 5.0), True)])

@@ -207,6 +207,8 @@ class Evidence:
         sensed = sizes[:, None] * turn[:, squares > 1e-6 * squares[-1]]
         known = np.append(bodies, np.zeros(len(flat)))
         self.sensed = sensed.shape[1]
+        per_size = np.divide(bodies, sizes, out=np.zeros(p), where=sizes > 0)
+        self.of_file = turn[:, squares > 1e-6 * squares[-1]].T @ per_size
         self.columns = np.column_stack([block_diag(sensed, np.diag(flat)), known])
         self.possible = np.sqrt(((K @ self.columns) ** 2).mean(axis=0).sum(axis=1)) + TINY
         closed = np.ones(len(self.q), dtype=bool)
@@ -439,6 +441,11 @@ class Evidence:
         given = (columns @ z[:, :, None])[:, :, 0]
         takes = (given * power).sum(axis=1) < 0
         return np.asarray(takes * self.independent * (given**2).sum(axis=1) / found.error**2 / 2)
+
+    def heavier(self, found: Explanation) -> float:
+        """By which part of the robot file's bodies all of a log are heavier, by least squares."""
+        own = found.values[len(self.names) :][: self.sensed]
+        return float(self.of_file @ own / max(float(self.of_file @ self.of_file), TINY))
 
     def unit(self, motor: int) -> tuple[str, float]:
         """Of the positions of a motor, and the length in it that zeros are in."""

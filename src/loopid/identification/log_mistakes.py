@@ -377,6 +377,7 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
         likely = sorted(likely, key=lambda each: -each[0])[:CLOSELY]
     plain = [(one, 0.0) for *_, one in likely if not KINDS[one[0]].sizes]
     sized = _sized(first, found, [one for *_, one in likely if KINDS[one[0]].sizes])
+    sized = [(_as_heavy(first, found, one), deviation) for one, deviation in sized]
     return _closely(model, found, [*sized, *plain])
 
 
@@ -424,6 +425,17 @@ def _sized(
         step = np.minimum(step, deviation)
     both = zip(resized(at[:, None]), deviation.tolist(), known.tolist(), strict=True)
     return [(one, own) for one, own, clear in both if clear]
+
+
+def _as_heavy(model: Evidence, found: Explanation, one: Tried) -> Tried:
+    """A gain of all motors at which bodies are as heavy as the robot file's on the whole.
+
+    The evidence lets them be off by half, and has a smaller gain where they are off by less.
+    """
+    name, motors, size = one
+    for _ in range(STEPS * (name == "common_gain")):
+        size *= 1 + model.heavier(model.explained(_undone(found, [(name, motors, size)]))[0])
+    return name, motors, size
 
 
 def _closely(

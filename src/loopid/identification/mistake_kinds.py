@@ -149,7 +149,9 @@ def _scaled(one: _Mistaken, what: str, has: str, is_: str, its: str, do: str) ->
     """Signals that are scaled: by which factor, or why."""
     size, words = one.cause or (1.0, "")
     if not words:
-        do = f"check {its} unit, or {do}"
+        # Bodies and forces times the same number move alike: only known masses tell them apart.
+        by = "" if one.names else ", as its size is known no better than the file's masses"
+        do = f"check {its} unit{by}, or {do}"
         return Called(f"{what} {is_} scaled by {one.factor:g}", one.sized, do)
     turned = " with the wrong sign" if size < 0 else ""
     said = f"{has} the {words}" if words == WRONG_SIGN else f"{is_} {words}{turned}"
