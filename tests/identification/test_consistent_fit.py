@@ -13,6 +13,7 @@ from loopid.errors import DataError, ModelWarning
 from loopid.identification import FitSamples, consistent_fit
 from loopid.identification.consistent import (
     LEAST_OFF,
+    NU,
     WIDTH,
     _Program,
     _State,
@@ -206,6 +207,18 @@ def test_the_more_data_the_nearer_to_least_squares(arm_case, off):
         apart.append(np.linalg.norm(arm_case.regressor @ (found.values - plain.values)))
     assert apart[0] > 10 * apart[1]
     assert apart[1] > 10 * apart[2]
+
+
+def test_a_prior_has_its_degrees_of_freedom_and_data_add_to_them(arm_case, off):
+    """Scales of the prior have NU of their own; what the data determine of a body counts beside."""
+    samples, _ = off
+    noise, found = noise_of(samples), []
+    for deviation in (1e4, 1e2, 10.0, 1.0):  # from data that say nothing to some that do
+        known = replace(noise, deviation=deviation * noise.deviation)
+        found.append(consistent_fit(arm_case.model, samples, known).degrees_of_freedom)
+    assert (np.array(found) >= NU).all()
+    assert found[0].min() < NU + 0.01
+    assert (found[-1] > found[0]).all()
 
 
 def test_units_of_length_do_not_matter(tmp_path):
