@@ -33,6 +33,7 @@ WORDS = {
     "less_than": "must be below {lt:g}",
     "less_than_equal": "must be {le:g} or less",
     "sequence_str": "must be a sequence",
+    "path_type": "must be a path",
     "tuple_type": "must be a list",
     "list_type": "must be a list",
     "dict_type": "must be keys with values, as {{key: value}}",
