@@ -24,8 +24,9 @@ SUBPACKAGES = [name for name in loopid.__all__ if hasattr(getattr(loopid, name),
 
 
 def run_examples(name, thing):
-    """Run the examples in a docstring; how many there are."""
-    found = doctest.DocTestFinder(recurse=False).find(thing, name, globs={})
+    """Run the examples in a docstring, and in those of a class's methods; how many there are."""
+    finder = doctest.DocTestFinder(recurse=inspect.isclass(thing))
+    found = finder.find(thing, name, globs={})
     flags, said = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS, []
     for test in found:
         test.globs.update(loopid=loopid, np=np)

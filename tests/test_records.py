@@ -203,6 +203,12 @@ def test_a_repr_has_ten_lines_of_reasonable_width(name, notes, count):
         assert max(map(len, lines)) <= 110
 
 
+def test_options_are_printed_as_far_as_they_are_not_usual():
+    for options in (Options(), Options(size=3)):
+        assert eval(repr(options)) == options
+    assert repr(Options()) == "Options()"
+
+
 def test_many_fields_are_cut_short():
     fields = {f"field_{k}": int for k in range(30)}
     many = record(type("Many", (), {"__annotations__": fields}))

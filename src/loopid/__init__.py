@@ -5,6 +5,7 @@ combinations of masses, first moments and inertias that the motors' forces depen
 search proves which way of writing them is best conditioned. Logged positions and forces give their
 values, with 95 % intervals, and the friction of the joints. Units are SI.
 
+>>> import loopid
 >>> robot = loopid.load("five_bar")
 >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
 >>> found.verdict, found.fit  # what the fit is good for; its values

@@ -197,6 +197,12 @@ def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -
     return values
 
 
+def by_name(values: Any, names: Sequence[str]) -> Any:
+    """A frame with a column of each name, in their order; all else as it is."""
+    named = hasattr(values, "columns") and {*values.columns} == {*names}
+    return values[[*names]] if named else values
+
+
 def one_as_many(function: Callable[P, FloatArray]) -> Callable[P, FloatArray]:
     """Let a function of many samples, its second argument, answer one without their axis."""
     name = [*signature(function).parameters][1]

@@ -16,7 +16,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from loopid.errors import FileError, LogError, near
+from loopid.errors import FileError, LogError, OptionError, near
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -144,14 +144,12 @@ def require_name(path: str | Path, what: str) -> None:
         raise FileError(f"{what} has no name: give a path, not {path!r}", given=path)
 
 
-def require_ending(path: str | Path, endings: Sequence[str]) -> None:
-    """Refuse to write a file that no command reads by its ending, or over one of another kind."""
-    if not Path(path).name.lower().endswith(tuple(endings)):
-        raise FileError(
-            f"{path} must end in {', '.join(endings)}: name another file",
-            file=str(path),
-            valid=tuple(endings),
-        )
+def require_ending(path: str | Path, endings: Sequence[str]) -> str:
+    """The ending of a path, by which files of its kind are known; an OptionError of another."""
+    ending = Path(path).suffix.lower()
+    if ending not in endings:
+        raise OptionError.unknown(f"ending of {path}", ending, endings)
+    return ending
 
 
 def require_other_file(path: str | Path, *inputs: str | Path) -> None:

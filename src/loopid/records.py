@@ -5,7 +5,7 @@ from __future__ import annotations
 import copyreg
 import math
 from collections.abc import Callable, Iterable, Mapping, Set
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import wraps
 from html import escape
 from reprlib import Repr
@@ -172,15 +172,23 @@ def _hash(self: Any) -> int:
 
 
 def _repr(self: Any) -> str:
-    parts = [
-        f"{each.name}={_short(getattr(self, each.name))}" for each in fields(self) if each.repr
-    ]
+    """Of options only what is not as by default: a signature, as ``help`` shows it, has a line."""
+    shown = {each.name: getattr(self, each.name) for each in fields(self) if each.repr}
+    if all(_optional(each) for each in fields(self)):
+        usual = type(self)()
+        shown = {name: x for name, x in shown.items() if not same(x, getattr(usual, name))}
+    parts = [f"{name}={_short(value)}" for name, value in shown.items()]
     line = ", ".join(parts)
     if len(line) > WIDTH:
         if len(parts) > LINES - 2:
             parts = [*parts[: LINES - 3], "..."]
         line = "\n  " + ",\n  ".join(parts) + "\n"
     return f"{type(self).__name__}({line})"
+
+
+def _optional(field: Field[Any]) -> bool:
+    given = field.default is not MISSING or field.default_factory is not MISSING
+    return field.kw_only and given
 
 
 def _html(self: Any) -> str:

@@ -500,10 +500,9 @@ def test_what_was_saved_is_said(run, arm_files, tmp_path):
 
 def test_a_joint_is_locked_where_the_log_has_it(run, write_files, tmp_path):
     path, time = write_files(*files(chain(2), {})), np.arange(400) / 50
-    # At one rate nothing tells Coulomb from viscous friction: a motion is advised.
-    turned, rate = 0.2 * time[:, None], np.full((400, 1), 0.2)
+    turned, rate = 0.2 * np.sin(2 * time)[:, None], 0.4 * np.cos(2 * time)[:, None]
     arm = quietly(loopid.load, path, lock=["joint1=0.5"])
-    force = loopid.Dynamics(arm).inverse(turned, rate, 0 * rate)
+    force = loopid.Dynamics(arm).inverse(turned, rate, -4 * turned)
     force = force + 0.1 + np.random.default_rng(0).normal(scale=0.01, size=force.shape)
     log = tmp_path / "run.csv"
     table = np.column_stack([time, np.full(400, 0.5), turned, force])

@@ -134,7 +134,7 @@ def test_no_log_takes_the_place_of_the_robot_or_its_motion(run, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("pic.png", "must end in .csv"), ("new.log", "must end in .csv"), ("", "has no name")],
+    [("pic.png", "choose among .csv"), ("new.log", "choose among .csv"), ("", "has no name")],
 )
 def test_no_log_takes_the_place_of_another_kind_of_file(run, tmp_path, name, said):
     (tmp_path / "pic.png").write_text("a picture")

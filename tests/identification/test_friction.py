@@ -327,6 +327,18 @@ def test_curves_of_joints_without_friction_are_refused(robot, motion):
         friction_curve(fit, LEFT, np.zeros((2, 2)))
 
 
+def test_widened_samples_are_those_of_the_wider_model(load_once):
+    robot = load_once("five_bar")
+    model = loopid.force_model(robot, "full")
+    logged = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot, rows=(1, 800)))
+    known = Recording.of_motion(logged.motion, logged.force, logged.actuators)  # unfiltered
+    wide = model.with_columns({"left_crank_joint": ("Fk0~0.5", "Fk~1", "Fs~0.2")})
+    for run in (logged, known):
+        found, whole = wide.widened(model.samples(run), [run]), wide.samples(run)
+        assert found.parameters == whole.parameters
+        np.testing.assert_allclose(found.regressor, whole.regressor, rtol=1e-12, atol=1e-12)
+
+
 def test_samples_keep_the_columns_that_other_loads_leave(load_once):
     robot = load_once("five_bar")
     model = loopid.force_model(robot, "full")

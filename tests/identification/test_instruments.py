@@ -46,17 +46,38 @@ def measured(model, motion, truth, seed):
 
 @pytest.mark.validate
 def test_the_reference_removes_the_bias_of_noisy_positions(arm, arm_model, truth, reference):
-    commanded, found = joint_motion(arm, reference), {"wls": [], "iv": []}
+    assert_unbiased(arm, arm_model, truth, reference)
+
+
+@pytest.mark.validate
+def test_the_bias_of_a_closed_loop_is_removed_and_intervals_cover(load_once):
+    """Errors of two encoders go through the closure into all rates and all columns."""
+    robot = load_once("five_bar")
+    model = loopid.force_model(robot, "full", JointTerms(robot.actuated, ("Fv",)))
+    truth = np.array(model.prior)
+    truth[model.joint_columns] = 0.5
+    plan = loopid.motion.read_motion_program("five_bar").motion("sweep", RATE)
+    covered = assert_unbiased(robot, model, truth, plan)
+    assert covered["iv"].mean() > 0.88
+    assert covered["wls"].mean(axis=0).min() < 0.2
+
+
+def assert_unbiased(robot, model, truth, reference):
+    """By instruments, where least squares is biased; which intervals cover, by estimator."""
+    commanded, found = joint_motion(robot, reference), {"wls": [], "iv": []}
     for seed in range(DRAWS):
-        recording = measured(arm_model, reference, truth, seed)
-        instruments = reference_instruments(arm_model, recording, commanded)
-        samples = arm_model.samples(recording).with_instruments(instruments)
+        recording = measured(model, reference, truth, seed)
+        instruments = reference_instruments(model, recording, commanded)
+        samples = model.samples(recording).with_instruments(instruments)
         for name, fits in found.items():
-            fits.append(quiet_fit(samples, name).values - truth)
-    doubt = {name: np.std(errors, axis=0) / np.sqrt(DRAWS) for name, errors in found.items()}
-    bias = {name: np.abs(np.mean(errors, axis=0)) / doubt[name] for name, errors in found.items()}
+            fits.append(quiet_fit(samples, name))
+    errors = {name: np.array([f.values for f in fits]) - truth for name, fits in found.items()}
+    doubt = {name: each.std(axis=0) / np.sqrt(DRAWS) for name, each in errors.items()}
+    bias = {name: np.abs(each.mean(axis=0)) / doubt[name] for name, each in errors.items()}
     assert (bias["iv"] < 4).all()
     assert (bias["wls"] > 6).any()
+    intervals = {name: np.array([f.intervals() for f in fits]) for name, fits in found.items()}
+    return {n: (i[..., 0] <= truth) & (truth <= i[..., 1]) for n, i in intervals.items()}
 
 
 def test_the_nearest_sample_of_the_reference_is_taken(arm, arm_model, truth, reference):

@@ -239,6 +239,26 @@ def test_errors_are_looked_at_where_they_are_worst(identified):
     assert (alone.standstill < 0.05).all()
 
 
+@pytest.mark.parametrize("stronger", ["Fc+", "Fc-"])
+def test_breakaway_is_that_of_the_stronger_direction(load_once, stronger):
+    robot = load_once("five_bar")
+    model = loopid.force_model(robot, "full", loopid.JointTerms(robot.actuated, ("Fc+", "Fc-")))
+    values = np.array(model.prior)
+    for column in model.joint_columns:
+        values[column] = 0.5 if model.parameters[column].kind == stronger else 0.1
+    run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot, rows=(1, 800)))
+    samples, rates = model.samples(run), np.abs(run.motion.velocities)
+    slow = rates <= 0.04 * np.percentile(rates, 99, axis=0)
+    bodies = np.where(np.isin(np.arange(len(values)), model.joint_columns), 0.0, values)
+    held = np.where(slow, 0.4, samples.predicted(values) - samples.predicted(bodies))
+    new = replace(samples, force=samples.predicted(bodies) + held, used=~slow)
+    fit = loopid.Fit.of(model, values)
+    judged = loopid.identification.judge(fit, new, new, name="all", against=fit)
+    found = UnseenErrors.of(judged, new, [run]).standstill
+    assert np.isfinite(found).any()
+    assert np.nanmax(found) < 1e-6
+
+
 @pytest.mark.parametrize(
     "wrong",
     few_of(["nothing", "a spring", "gravity", "a sign", "a zero"], "nothing", "a spring"),

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+import polars
 import pytest
 from scipy.optimize import brentq
 
@@ -123,6 +124,19 @@ def test_a_single_coordinate_may_be_a_number(load_once):
     (u,) = measured_coordinates(dynamics.robot).read(dynamics.start[None].copy())[0]
     assert dynamics.inverse(u, 0.1, 0.2) == dynamics.inverse([u], [0.1], [0.2])
     assert dynamics.mass_matrix(u).shape == (1, 1)
+
+
+def test_columns_of_a_frame_are_taken_by_the_names_of_coordinates(load_once):
+    dynamics = Dynamics(load_once("five_bar"))
+    u, du, ddu = np.array([1.2, 1.9]) + np.random.default_rng(0).uniform(0.1, 0.2, (3, 5, 2))
+    swapped = [
+        polars.DataFrame(dict(zip(dynamics.robot.independent, x.T, strict=True)))[:, ::-1]
+        for x in (u, du, ddu)
+    ]
+    tau = dynamics.inverse(u, du, ddu)
+    np.testing.assert_array_equal(dynamics.inverse(*swapped), tau)
+    np.testing.assert_array_equal(dynamics.forward(*swapped[:2], tau), dynamics.forward(u, du, tau))
+    np.testing.assert_array_equal(dynamics.coriolis(*swapped[:2]), dynamics.coriolis(u, du))
 
 
 def test_positions_lead_to_poses_one_by_one_as_many(robot, dynamics, states):

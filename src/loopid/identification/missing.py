@@ -279,12 +279,10 @@ def missing_forces(
     with one_blas_thread():
         search = _Search(fit, force_model, recordings)
         found = [each for motor in search.motors for each in search.of_motor(motor)]
-        length = _wrong_length(fit, force_model, recordings, search.families)
+        off = _length_or_zero(fit, force_model, recordings, search.families)
     clear = [each.chance for each in found if each.certainty == "clear"]
-    if length is not None and (
-        length.certainty == "likely" or length.chance < min(clear, default=1.0)
-    ):
-        found.insert(0, length)
+    if off is not None and (off.certainty == "likely" or off.chance < min(clear, default=1.0)):
+        found.insert(0, off)
     return tuple(each for each in found if each.matters)
 
 
@@ -301,7 +299,7 @@ def _in_time(fit: WorkingFit, recordings: Sequence[Recording], delay: Delay | No
     return _refitted(replace(wide, prior=prior))
 
 
-def _wrong_length(
+def _length_or_zero(
     fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording], families: int
 ) -> MissingForce | None:
     """The likeliest length of the robot file, or zero, that is off, if one clearly or likely is.

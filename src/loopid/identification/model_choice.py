@@ -160,7 +160,8 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     motions = [run.motion.closed(robot) for run in runs]
     fits = {model: _Fit(robot, runs, motions, model) for model in MODELS}
     gravity, full = fits["gravity"], fits["full"]
-    inertia = full.forces_of_file - gravity.forces_of_file
+    moves = any(run.motion.velocities.any() or run.motion.accelerations.any() for run in runs)
+    inertia = moves * (full.forces_of_file - gravity.forces_of_file)  # at rest it is round-off
     with one_blas_thread():
         predicted = {model: fit.left_out(runs) for model, fit in fits.items()}
         # Rows between those that are looked at add information, if not quite as much.

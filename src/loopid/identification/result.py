@@ -10,14 +10,14 @@ import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, checked, finite
 from loopid.errors import DataError
-from loopid.files import require_other_file, write_file
+from loopid.files import require_ending, require_other_file, write_file
 from loopid.identification.data import recordings_of, require_some
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
 from loopid.identification.plausibility import require_sane
 from loopid.identification.prediction import Prediction, predicted
 from loopid.identification.quality import Quality
-from loopid.identification.saved import FitFile, as_file, require_ending
+from loopid.identification.saved import ENDINGS, FitFile, as_file
 from loopid.loading.files import own_files
 from loopid.parameters import ParameterSet
 from loopid.records import record
@@ -129,8 +129,9 @@ class Fit(Estimates):
         --------
         >>> import loopid
         >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
-        >>> round(loopid.Fit.of(model, 2 * model.prior)["left_crank.my"].value, 3)
-        0.0
+        >>> fit = loopid.Fit.of(model, 2 * model.prior)  # twice the bodies of the robot file
+        >>> round(fit["left_crank.mx + 2 more"].value, 3)
+        0.999
         """
         if isinstance(fit, Fit):
             return replace(fit, model=force_model)
@@ -261,7 +262,7 @@ class Fit(Estimates):
 
     def content(self, path: str | Path, *, anyway: bool = False) -> str:
         """What ``save`` writes to a file of that name."""
-        require_ending(path)
+        require_ending(path, ENDINGS)
         require_sane(self, anyway)
         return as_file(self.record())
 

@@ -24,8 +24,8 @@ from loopid.arguments import FloatArray, frozen
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure, analyse
-from loopid.errors import DataError, FileError, LoopidError, OptionError, shown
-from loopid.files import near_file, why_no_file
+from loopid.errors import DataError, FileError, LoopidError, shown
+from loopid.files import near_file, require_ending, why_no_file
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
 from loopid.kinematics.constraint import constraint_residual
@@ -352,7 +352,7 @@ def _document(path: Path) -> bytes | str:
         if reason == "does not exist":
             raise FileError(f"{path} {reason}{near_file(path)}", file=path)
         raise DataError(f"{path} {reason}", file=path)
-    ending = require_ending(path)
+    ending = require_ending(path, ENDINGS)
     content = path.read_bytes()
     if not content.strip():
         raise DataError(f"{path} is not a saved fit: it is empty", file=path)
@@ -370,14 +370,6 @@ def digest(content: dict[str, Any]) -> str:
         place = ("name", "path", "files")
         rest["robot"] = {key: value for key, value in robot.items() if key not in place}
     return sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
-
-
-def require_ending(path: str | Path) -> str:
-    """The ending of a path, one that files of fits have."""
-    ending = Path(path).suffix.lower()
-    if ending not in ENDINGS:
-        raise OptionError.unknown(f"ending of {path}", ending, ENDINGS)
-    return ending
 
 
 def _states(model: ForceModel, values: FloatArray) -> dict[str, FloatArray]:

@@ -194,6 +194,7 @@ def _reached(found: Outcome) -> str:
     rates = np.abs(np.concatenate([motion.velocities for motion in motions]))
     accelerations = np.abs(np.concatenate([motion.accelerations for motion in motions]))
     moves = found.data.used.any(axis=0) & np.isin(robot.independent, robot.actuated)
+    moves &= rates.any(axis=0)  # poses at rest reach none
     slides = np.isin(robot.velocity_indices(robot.independent), robot.prismatic)
     for unit, own in (("rad", moves & ~slides), ("m", moves & slides)):
         for sizes, per in ((rates, "/s"), (accelerations, "/s²")):

@@ -79,9 +79,10 @@ def from_pinocchio(
     Examples
     --------
     >>> import loopid
-    >>> tree, loops = loopid.export.to_pinocchio(loopid.load("five_bar"))
-    >>> motors = ["left_crank_joint", "right_crank_joint"]
-    >>> robot = loopid.from_pinocchio(tree, loops, motors=motors)
+    >>> given = loopid.load("five_bar")
+    >>> tree, loops = loopid.export.to_pinocchio(given)
+    >>> motors, q = ["left_crank_joint", "right_crank_joint"], given.reference
+    >>> robot = loopid.from_pinocchio(tree, loops, motors=motors, reference=q)
     >>> robot.independent, robot.rows
     (('left_crank_joint', 'right_crank_joint'), 3)
     """

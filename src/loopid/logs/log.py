@@ -19,6 +19,7 @@ from loopid.arguments import (
     NotNegative,
     Numbers,
     NumbersByJoint,
+    by_name,
     finite,
     for_each,
     rectangular,
@@ -274,7 +275,7 @@ class Log(Tabular):
                 continue
             own = [_unit(quantity, unit) for unit in _by_joint(units.get(quantity), joints)]
             scales = [unit.scale for unit in own]
-            ordered = _by_name(values, joints)
+            ordered = by_name(values, joints)
             signals[quantity] = _columns(ordered, len(joints), quantity, len(at)) * scales
             slides |= {
                 f"{joint}.{quantity}": unit.straight
@@ -541,12 +542,6 @@ def _segments(given: ArrayLike, count: int) -> IntArray:
         message = f"segments must be {count} whole numbers that ascend, not {said}"
         raise DataError(message, argument="segments", given=numbers)
     return numbers.astype(np.int64, copy=False)
-
-
-def _by_name(values: Any, joints: Sequence[str]) -> ArrayLike:
-    """A frame with a column by the name of each joint, in their order; all else as it is."""
-    named = {*getattr(values, "columns", ())} == {*joints}
-    return values[[*joints]] if named else values  # type: ignore[no-any-return]
 
 
 def _columns(values: ArrayLike, width: int, name: str, count: int) -> FloatArray:

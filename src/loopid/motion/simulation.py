@@ -18,7 +18,7 @@ from loopid.arguments import (
     shaped,
 )
 from loopid.errors import DataError, OptionError
-from loopid.files import csv_text, write_file
+from loopid.files import csv_text, require_ending, write_file
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import ClosedMotion
 from loopid.motion.joints import JointMotion, joint_motion
@@ -114,11 +114,9 @@ class Measurement(Tabular):
         FileError
             When the file cannot be written.
         """
-        place = Path(path)
-        if place.suffix.lower() != CSV:
-            raise OptionError.unknown(f"ending of {path}", place.suffix, [CSV])
-        write_file(place, self.text)
-        return place
+        require_ending(path, [CSV])
+        write_file(path, self.text)
+        return Path(path)
 
     def __repr__(self) -> str:
         count, motors = self.force.shape

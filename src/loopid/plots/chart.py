@@ -374,14 +374,7 @@ class Chart:
         return str(tostring(E.img(src=f"data:image/svg+xml;base64,{data}"), encoding="unicode"))
 
     def svg(self) -> str:
-        """The chart alone as SVG, as wide as a column of a paper.
-
-        Examples
-        --------
-        >>> import loopid
-        >>> loopid.plots.robot_chart(loopid.load("five_bar")).svg()[:25]
-        '<svg xmlns="http://www.w3.'
-        """
+        """The chart alone as SVG, as wide as a column of a paper."""
         named = any(panel.labels for panel in self.panels)
         columns = 1 if named or self.lanes > 1 else min(self.columns, len(self.panels) or 1, 2)
         wide, down, drawn = COLUMN / columns, 0, list[HtmlElement]()

@@ -27,6 +27,7 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     NotNegative,
+    by_name,
     checked_late,
     frozen,
     samples,
@@ -259,7 +260,8 @@ class Dynamics:
 
     Each method takes one sample (dof,) or many (N, dof), and answers alike. Where it takes ``u``,
     positions of the independent coordinates in m or rad, a ``Pose`` will do. It is of
-    configurations that are known, or asked for several things.
+    configurations that are known, or asked for several things. Columns of data frames that are
+    called as the coordinates are taken by name.
 
     One sample is assembled from where the last one was, as in a control loop. Further ways are
     followed step by step. Friction builds up along them (``slips``). Each thread has a last sample
@@ -428,7 +430,8 @@ class Dynamics:
             if np.ndim(u) < 2:
                 u = np.reshape(u, -1)  # a number of a single coordinate, too
                 return self._last(shaped(u, "positions", self._measured.width))
-            targets = samples(u, self._measured.width, "positions")
+            named = by_name(u, self.robot.measured)
+            targets = samples(named, self._measured.width, "positions")
             if trajectory:
                 found = follow_trajectory(self._measured, self.start, targets, self.options)
             else:
@@ -552,7 +555,7 @@ class Dynamics:
             Where a force acts but no mass resists, or friction takes all force that its load gains.
         """
         pose = self.pose(u)
-        given = samples(tau, self.dof, "forces", len(pose.configurations))
+        given = self._rows(tau, "forces", pose)
         bias, inertia = self.inverse(pose, du).reshape(given.shape), self._inertia(pose)
         found = _balanced(self.robot, inertia, given - bias)
         if not any(law.needs("load", "torque") for law in self._laws):
@@ -581,7 +584,7 @@ class Dynamics:
         """C (dof, dof) or (N, dof, dof) of Christoffel symbols, with which Ṁ - 2C is skew."""
         self._require_full("Coriolis matrix")
         pose, one = self.pose(u), np.eye(self.dof)
-        du = samples(du, self.dof, "velocities", len(pose.configurations))[:, None]
+        du = self._rows(du, "velocities", pose)[:, None]
         v = np.concatenate([du + one, du - one], axis=1) @ pose.to_rows / 2
         plus, minus = np.split(self._bodies.forces(pose, v, pose.gamma(v)), 2, axis=1)
         return pose._answer((plus - minus).swapaxes(1, 2))
@@ -789,8 +792,12 @@ class Dynamics:
         return v, a + pose.gamma(v) if v.any() else a
 
     def _along(self, pose: Pose, rates: FloatArray, name: str) -> FloatArray:
-        rows = samples(rates, self.dof, name, len(pose.maps))
-        return rows[:, None] @ pose.to_rows
+        return self._rows(rates, name, pose)[:, None] @ pose.to_rows
+
+    def _rows(self, values: FloatArray, name: str, pose: Pose) -> FloatArray:
+        """Values (N, dof), a row each configuration of a pose."""
+        ordered = by_name(values, self.robot.independent)
+        return samples(ordered, self.dof, name, len(pose.configurations))
 
     def _require_full(self, what: str) -> None:
         if self.kind != "full":
