@@ -4,7 +4,7 @@ All parameters are fitted to all logs. Beside them one body at a time may have a
 another centre from a time on, which adds four columns. Sums of products of the columns, over blocks
 of samples, say for each time and body how much of the errors goes. A model that is wrong all along
 loses little by that. Rivals are forces of each motor that have another size or zero from then on,
-or drift. A log may differ from others by its load, or by the size and zero of its forces.
+or drift. A log may differ from others by its load, or by the size, zero or delay of its forces.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ BLOCKS, FINER, LEAST_SAMPLES, LEAST_BLOCKS = 24, 16, 8, 2
 LEFT = 0.6  # part of the errors that is left at most where a load changes
 RIVAL = 0.9  # of those that a rival leaves
 LARGE = 0.03  # errors of all motors, in parts of their forces, that are worth a cause
+# Shifts in s between which, times a factor, those lie that a log may have beside others.
+SHIFTS = (-0.1, -0.05, -0.025, 0.025, 0.05, 0.1)
 RIDGE, SEEN = 1e-12, 1e-6  # of columns of unit length: what keeps, and what is, independent
 
 
@@ -71,7 +73,7 @@ class LogDifference:
     name : str
         Of the log; of two the second.
     what : str
-        ``"load"`` or ``"size"`` of forces.
+        ``"load"``, ``"size"`` of forces, or ``"time"``.
     before, after : float
         Errors of all motors, in parts of their forces in the root mean square, without and with it.
     """
@@ -87,6 +89,7 @@ class LogDifference:
         title, allowed = {
             "load": ("the load of {} differs", "a body that is lighter or heavier there"),
             "size": ("the size or zero of forces of {} differs", "others of each motor there"),
+            "time": ("the delay of forces of {} differs", "another one there"),
         }[self.what]
         return Finding(
             "warning",
@@ -133,12 +136,13 @@ def log_difference(
     before = float(np.sqrt(products.error))
     if before < LARGE:
         return None
+    time = np.concatenate([run.motion.time for run in recordings])
     tried = logs if len(logs) > 2 else logs[1:]  # of two, the same
     parts = {
         (name, what): left
         for name in tried
         for what, left in products.parts_of_log(
-            np.flatnonzero([names[run] == name for run in data.runs])
+            np.flatnonzero([names[run] == name for run in data.runs]), time
         ).items()
     }
     (name, what), left = min(parts.items(), key=lambda each: each[1])
@@ -211,15 +215,20 @@ class _Products:
         both = _size_and_zero(self._predicted_without(slice(first, int(own[-1]) + 1)))
         return min(self._part_beside(part[:, None, None] * both) for part in (late, drift))
 
-    def parts_of_log(self, rows: IntArray) -> dict[str, float]:
-        """Part of the squares that is left where the rows of a log differ, by what differs."""
+    def parts_of_log(self, rows: IntArray, time: FloatArray) -> dict[str, float]:
+        """Part of the squares that is left where the rows of a log differ, by what differs.
+
+        Stamps (N,) in s are of all samples.
+        """
         own = slice(int(rows[0]), int(rows[-1]) + 1)
         force = self._predicted_without(own)
         there = np.zeros((len(force), 1, 1))
         there[own] = 1.0
+        late = (self._part_beside(_later(force, time, own, each)) for each in SHIFTS)
         return {
             "load": self._part_left(self._scaled(self._of(own))),
             "size": self._part_beside(there * _size_and_zero(force)),
+            "time": min(late),
         }
 
     def _predicted_without(self, rows: slice) -> FloatArray:
@@ -257,6 +266,14 @@ def _size_and_zero(force: FloatArray) -> FloatArray:
     motors = np.eye(force.shape[1])
     sizes = force[:, :, None] * motors
     return np.concatenate([sizes, np.broadcast_to(motors, sizes.shape)], axis=2)
+
+
+def _later(force: FloatArray, time: FloatArray, rows: slice, shift: float) -> FloatArray:
+    """A column (N, dof, 1) of what a shift in s changes in forces (N, dof) of some rows."""
+    found, own = np.zeros_like(force), time[rows]
+    for k, forces in enumerate(force[rows].T):
+        found[rows, k] = np.interp(own - shift, own, forces) - forces
+    return found[:, :, None]
 
 
 def _by_body(force_model: ForceModel, matrix: FloatArray) -> Iterator[FloatArray]:
