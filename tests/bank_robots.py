@@ -52,7 +52,7 @@ def load(robot, alike=False):
 
 @cache
 def poses(robot, seed=0):
-    return random_configurations(load(robot), POSES, seed)
+    return random_configurations(load(robot), POSES, seed=seed)
 
 
 def moved(mechanism, model, q):

@@ -76,7 +76,9 @@ def observations(robot):
 
 def fresh(robot, model):
     """Regressor at poses and in motions that no base parameters were found from."""
-    return motion_regressor(robot, moved(robot, model, random_configurations(robot, 12, 8)), model)
+    return motion_regressor(
+        robot, moved(robot, model, random_configurations(robot, 12, seed=8)), model
+    )
 
 
 @EVERY
