@@ -16,12 +16,13 @@ from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.findings import PAGE
 from loopid.identification import log_faults
+from loopid.identification.data import recordings_of
 from loopid.identification.evidence import Evidence, Explanation
-from loopid.identification.log_mistakes import _Find, _finds
+from loopid.identification.log_mistakes import _Find, _finds, log_faults_by_log
 from loopid.identification.log_timing import late_by_seconds
 from loopid.identification.mistake_kinds import KINDS
 from loopid.kinematics import measured_coordinates
-from loopid.logs import FilterOptions, LogMapping, Recording
+from loopid.logs import FilterOptions, Log, LogMapping, Recording
 from loopid.motion import Motion, Noise, Waypoint, joint_motion, point_to_point, scaled_bodies
 from loopid.regressors import force_parts
 from made_runs import ARM, HINGE, friction, quietly, record, simulated, stand, unchecked, wander
@@ -596,3 +597,22 @@ def test_a_size_is_called_by_a_cause_that_its_interval_holds():
     assert time.cause(3.94, 0.7) is None
     assert time.cause(3.94, 1.1) == (5.0, "")
     assert time.cause(1.95, 0.01) == (2.0, "")
+
+
+def test_logs_of_one_name_are_told_apart_and_parts_of_a_log_are_not(load_once):
+    """A wrong sign in the second of two logs without names was lost in both."""
+    robot = load_once("five_bar")
+    log = read_log("urdf/logs/five_bar.csv", robot)
+    half = len(log) // 2
+    first, second = (
+        Log.from_arrays(log.time[rows], log.position[rows], sign * log.force[rows], FIVE_BAR)
+        for rows, sign in ((slice(half), 1), (slice(half, None), -1))
+    )
+    ((good, bad),) = recordings_of(robot, [first, second])
+    faults = log_faults_by_log(robot, [good, bad])
+    assert [each.recording for each in faults] == ["log", "log 2"]
+    assert not faults[0].mistakes
+    (mistake,) = faults[1].mistakes
+    assert mistake.title == "log 2: the force of all motors has the wrong sign"
+    (parts,) = recordings_of(robot, [*loopid.prepare(robot, log).split(0.5)])
+    assert {each.name for each in parts} == {log.name}

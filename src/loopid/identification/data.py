@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +51,11 @@ def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[R
     mapping : LogMapping or path, optional
         Which columns are what, in paths and tables.
 
+    Returns
+    -------
+    list of tuple of Recording
+        Other logs of one name are numbered: ``run``, ``run 2``. Parts of a log share its name.
+
     Raises
     ------
     OptionError
@@ -63,7 +70,25 @@ def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[R
             argument="mapping",
             given=mapping,
         )
-    return [tuple(_recording(robot, one, mapping) for one in each) for each in given]
+    return _named_apart([[_recording(robot, one, mapping) for one in each] for each in given])
+
+
+def _named_apart(data: Sequence[Sequence[Recording]]) -> list[tuple[Recording, ...]]:
+    """The recordings, by names that tell their logs apart."""
+    logs, names = dict[int, Log](), set[str]()
+    for run in chain(*data):
+        if run.log is not None and id(run.log) not in logs:
+            more = (f"{run.name} {k}" for k in count(2))
+            name = next(name for name in chain([run.name], more) if name not in names)
+            names.add(name)
+            logs[id(run.log)] = run.log if name == run.name else replace(run.log, name=name)
+
+    def named(run: Recording) -> Recording:
+        if run.log is None or (log := logs[id(run.log)]) is run.log:
+            return run
+        return replace(run, name=log.name, log=log)
+
+    return [tuple(map(named, each)) for each in data]
 
 
 def each_of(data: Any) -> Sequence[Any]:
