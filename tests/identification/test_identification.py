@@ -46,6 +46,19 @@ def test_a_fit_that_is_not_saved_predicts_with_its_force_model(study):
         alone.predict(recording)
 
 
+def test_a_log_of_a_lower_rate_is_predicted_in_its_own_band(study):
+    (recording,) = study.training
+    log, every = recording.log, slice(None, None, 8)
+    slow = loopid.logs.Log.from_arrays(
+        log.time[every], log.position[every], log.force[every], log.joints
+    )
+    rate = slow.rate(slice(None))
+    assert study.fit.cutoff > rate / 2
+    found = study.fit.predict(slow)
+    assert found.recording.cutoff < rate / 2
+    assert found.relative_errors.max() < 0.05
+
+
 def test_joint_terms_that_a_robot_cannot_have_are_refused_before_any_work(knee):
     for terms in ("wrist: Fc", "Fq"):
         with pytest.raises(OptionError) as refused:

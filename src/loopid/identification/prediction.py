@@ -13,7 +13,7 @@ from loopid.identification.estimates import Estimates
 from loopid.identification.friction_curves import friction_columns, friction_doubt
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import Quality
-from loopid.logs.preparing import at_cutoff
+from loopid.logs.preparing import at_cutoff, highest_cutoff
 from loopid.logs.recording import Recording, require_robot
 from loopid.numbers import NORMAL_95
 from loopid.records import Tabular, columns_of, record
@@ -110,8 +110,9 @@ def predicted(fit: Estimates, recording: Recording) -> Prediction:
     """What a fit gives for a recording of its robot."""
     model = fit.require_model()
     require_robot(recording, model.robot)
-    if fit.cutoff is not None:
-        (recording,) = at_cutoff(model.robot, [recording], fit.cutoff)
+    if fit.cutoff is not None and recording.log is not None:
+        cutoff = min(fit.cutoff, highest_cutoff(recording.log))  # a slower log has a narrower band
+        (recording,) = at_cutoff(model.robot, [recording], cutoff)
     samples, reach = model.samples(recording), None
     if fit.unseen_rms is not None:
         errors = np.nan_to_num(fit.unseen_rms) ** 2 + _friction_doubt(fit, recording, samples)

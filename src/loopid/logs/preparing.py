@@ -815,7 +815,12 @@ def _band(log: Log, slides: tuple[bool, ...]) -> float:
 
 def provisional_cutoff(robot: Robot, log: Log) -> float:
     """A cut-off in Hz that loses little of the motion; ``choose_cutoff`` finds the best."""
-    rate, band = max(map(log.rate, log.parts())), motion_band(robot, log)
+    band = motion_band(robot, log)
     if not band:
-        return SHORT_CUTOFF * rate or 1.0
-    return float(min(PROVISIONAL * band, rate / LEAST_PERIOD))
+        return SHORT_CUTOFF * max(map(log.rate, log.parts())) or 1.0
+    return float(min(PROVISIONAL * band, highest_cutoff(log)))
+
+
+def highest_cutoff(log: Log) -> float:
+    """The cut-off in Hz, a period of which has ``LEAST_PERIOD`` samples of the log."""
+    return max(map(log.rate, log.parts())) / LEAST_PERIOD
