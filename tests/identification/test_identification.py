@@ -48,7 +48,7 @@ def test_a_fit_that_is_not_saved_predicts_with_its_force_model(study):
 
 def test_a_log_of_a_lower_rate_is_predicted_in_its_own_band(study):
     (recording,) = study.training
-    log, every = recording.log, slice(None, None, 8)
+    log, every = recording.log, slice(None, None, 4)
     slow = loopid.logs.Log.from_arrays(
         log.time[every], log.position[every], log.force[every], log.joints
     )
