@@ -162,7 +162,9 @@ def predict(
     ),
     mapping: list[str] | None = MAPPINGS,
     cutoff: float | None = Option(
-        None, help="Cut-off of the low-pass filter in Hz; by default that of the fit."
+        None,
+        help="Cut-off of the low-pass filter in Hz; by default that of the fit, or what the log's "
+        "rate allows.",
     ),
     rows: str | None = ROWS,
 ) -> None:

@@ -204,11 +204,11 @@ class Evidence:
         sizes = PRIOR * body_sizes(robot, "full")
         table = (K[:, :, :p] * sizes * per_force[:, None]).reshape(-1, p)
         squares, turn = np.linalg.eigh(table.T @ table)
-        sensed = sizes[:, None] * turn[:, squares > 1e-6 * squares[-1]]
+        turn = turn[:, squares > 1e-6 * squares[-1]]
+        sensed = sizes[:, None] * turn
         known = np.append(bodies, np.zeros(len(flat)))
         self.sensed = sensed.shape[1]
-        per_size = np.divide(bodies, sizes, out=np.zeros(p), where=sizes > 0)
-        self.of_file = turn[:, squares > 1e-6 * squares[-1]].T @ per_size
+        self.of_file = turn.T @ np.divide(bodies, sizes, out=np.zeros(p), where=sizes > 0)
         self.columns = np.column_stack([block_diag(sensed, np.diag(flat)), known])
         self.possible = np.sqrt(((K @ self.columns) ** 2).mean(axis=0).sum(axis=1)) + TINY
         closed = np.ones(len(self.q), dtype=bool)

@@ -186,7 +186,7 @@ class Fit(Estimates):
         ----------
         data
             A path, a table, a ``Log`` or a ``Recording`` of the fit's robot; or a list of these.
-            Where a filter leaves the cut-off open, it is that of the fit.
+            Where a filter leaves the cut-off open, it is that of the fit, or what the rate allows.
         mapping : LogMapping or path, optional
             Which columns of paths and tables are what, as of ``identify``.
 
