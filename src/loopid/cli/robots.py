@@ -503,16 +503,14 @@ def recordings(
     rows: str | None = None,
 ) -> list[Recording]:
     """Logs of an option, each with its mapping, read and made ready."""
-    from loopid.logs.reading import read_recordings
+    from loopid.logs.reading import read_recording
 
-    found: list[Recording] = []
     part, lowpass = row_range(rows), _filter(cutoff)
     with progress_bar("assembling") as report:
-        for path, mapping in zip(paths or (), mappings, strict=True):
-            found += read_recordings(
-                robot, [path], mapping, rows=part, filter=lowpass, progress=report
-            )
-    return found
+        return [
+            read_recording(path, robot, mapping, rows=part, filter=lowpass, progress=report)
+            for path, mapping in zip(paths or (), mappings, strict=True)
+        ]
 
 
 def mapping_of_each(
@@ -545,12 +543,12 @@ def commanded_motions(
     """Motions of an option, which need no forces."""
     from loopid.logs.reading import read_commanded
 
-    found: list[JointMotion] = []
     lowpass = _filter(cutoff)
     with progress_bar("assembling") as report:
-        for path, mapping in zip(paths or (), mappings, strict=True):
-            found += read_commanded(robot, [path], mapping, filter=lowpass, progress=report)
-    return found
+        return [
+            read_commanded(path, robot, mapping, filter=lowpass, progress=report)
+            for path, mapping in zip(paths or (), mappings, strict=True)
+        ]
 
 
 def _filter(cutoff: float | None) -> FilterOptions:

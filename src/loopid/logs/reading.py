@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -125,32 +125,31 @@ def _read(
 
 
 @checked
-def read_recordings(
+def read_recording(
+    path: str | Path,
     robot: Robot,
-    paths: Sequence[str | Path],
     mapping: LogMapping | str | Path | None = None,
     *,
     rows: tuple[int, int | None] | None = None,
     filter: FilterOptions = FilterOptions(),  # noqa: A002
     progress: Progress | None = None,
-) -> tuple[Recording, ...]:
-    """Read logs and make them ready; see ``read_log`` and ``prepare``."""
-    logs = (read_log(path, robot, mapping=mapping, rows=rows) for path in paths)
-    return tuple(prepare(robot, log, filter=filter, progress=progress) for log in logs)
+) -> Recording:
+    """Read a log and make it ready; see ``read_log`` and ``prepare``."""
+    log = read_log(path, robot, mapping=mapping, rows=rows)
+    return prepare(robot, log, filter=filter, progress=progress)
 
 
 def read_commanded(
+    path: str | Path,
     robot: Robot,
-    paths: Sequence[str | Path],
     mapping: LogMapping | str | Path | None = None,
     *,
     filter: FilterOptions = FilterOptions(),  # noqa: A002
     progress: Progress | None = None,
-) -> tuple[JointMotion, ...]:
-    """Commanded motions of logs, which need no forces, filtered as measured ones are."""
-    logs = (_read(path, robot, mapping, forces=False) for path in paths)
-    runs = (prepare(robot, log, filter=filter, progress=progress) for log in logs)
-    return tuple(run.motion for run in runs)
+) -> JointMotion:
+    """The commanded motion of a log, which needs no forces, filtered as a measured one is."""
+    log = _read(path, robot, mapping, forces=False)
+    return prepare(robot, log, filter=filter, progress=progress).motion
 
 
 def _existing(path: str | Path) -> Path:

@@ -24,8 +24,8 @@ if TYPE_CHECKING:  # slow to import, and only needed to read a log
 
 # All that is read, in this order.
 QUANTITIES = ("position", "force", "velocity", "acceleration")
-# The components of a wrench, in the order of their columns: force, then moment.
 POSE_PERIOD = 1.0  # s for which a pose at rest counts on time axes
+# The components of a wrench, in the order of their columns: force, then moment.
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 PACKED = ".gz"
 AROUND_CELLS = " \t\r\"'"
