@@ -8,6 +8,7 @@ same frequencies [Gautier1997].
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from typing import Annotated
 
 import numpy as np
@@ -21,6 +22,13 @@ from loopid.records import record
 # slowest mode of a pass falls to a millionth meanwhile. The first order takes what the second does.
 PADDING = 1.5
 AT_ONCE = 500_000  # numbers that are transformed at once: long logs have many columns
+LONGEST = 2**40  # of a transform: no memory holds more
+FAST = [1]  # products of twos, threes and fives
+for _prime in (2, 3, 5):
+    for _length in FAST:  # which grows meanwhile
+        if _length * _prime <= LONGEST:
+            FAST.append(_length * _prime)
+FAST.sort()
 
 
 @record(checked=True)
@@ -104,14 +112,7 @@ class LowPass:
 
 def fast_length(count: int) -> int:
     """The least length from a count on that is a product of twos, threes and fives, for FFTs."""
-    least, fives = 2 * count, 1
-    while fives < least:
-        odd = fives
-        while odd < least:
-            least = min(least, odd << (-(-count // odd) - 1).bit_length())
-            odd *= 3
-        fives *= 5
-    return least
+    return FAST[bisect_left(FAST, count)]
 
 
 @checked
