@@ -375,6 +375,19 @@ def test_a_mistake_that_sends_bodies_away_is_none(load_once):
     assert model.near(half, before)
 
 
+def test_many_mistakes_that_are_tried_are_together_no_likelier_than_none(load_once):
+    """Beforehand: what each keeps of its evidence are parts of one [Scott2006]."""
+    robot = load_once("3rrr")
+    motion = wander(robot, 0, seconds=5.0, rate=40.0, size=(0.2, 0.2, 0.2))
+    model = Evidence(robot, [record(robot, motion)], None)
+    # Errors are large, so that all kinds are tried.
+    found = model.explained([model.recorded])[0]._replace(error=model.size)
+    finds = [one for closed in (False, True) for one in _finds(model, found, assembled=closed)]
+    kept = sum(np.exp(one.evidence - one.after.evidence) for one in finds)
+    assert {one.kind for one in finds} >= {"gain", "forces", "factor"}
+    assert 0 < kept <= 1
+
+
 def passing(run, measure, larger):
     """A log that passes a pose of some singularity measure, with forces that are larger there."""
     singularity, force = np.ones(len(run)), run.force.copy()
