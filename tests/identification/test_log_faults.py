@@ -15,7 +15,7 @@ from closure_robots import body
 from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.findings import PAGE
-from loopid.identification import log_faults
+from loopid.identification import log_faults, log_timing
 from loopid.identification.data import recordings_of
 from loopid.identification.evidence import Evidence, Explanation
 from loopid.identification.log_mistakes import _Find, _finds, log_faults_by_log
@@ -240,6 +240,21 @@ def test_forces_of_another_time_are_late_by_seconds(runs):
     (found,) = runs("five_bar", 0, shift).mistakes
     assert found.title == "the forces are 4 s late"
     assert "delay: 4 in" in found.do
+
+
+@pytest.mark.parametrize(("independent", "named"), [(0.6, False), (100.0, True)])
+def test_a_shift_that_explains_few_independent_samples_is_chance(
+    load_once, monkeypatch, independent, named
+):
+    """Some of a hundred shifts does, of a motor that sticks most of the time."""
+    robot, lags = load_once("five_bar"), np.arange(-50, 51) / 5
+    errors = np.where(np.isclose(lags, 2.0), 0.02, 0.2)
+    found = lags, errors, np.full(len(lags), independent)
+    monkeypatch.setattr(log_timing, "_errors_by_lag", lambda *_: found)
+    run = record(robot, wander(robot, 0, seconds=20.0, rate=5.0))
+    late = late_by_seconds(robot, [run])
+    assert (late is not None) == named
+    assert late is None or late.title == "the forces are 2 s late"
 
 
 @pytest.mark.parametrize("seed", few_of(range(3), 0))
