@@ -102,7 +102,7 @@ def test_what_moves_is_not_static(case, table, tmp_path):
 
 
 def test_poses_of_one_name_are_logs_apart(case, table):
-    robot, q, model, truth, _ = case
+    robot, q, model, *_ = case
     bodies = 0.7 * robot.standard_parameters("gravity")
     carried = [each == "right_coupler.m" for each in robot.parameters("gravity").labels]
     loaded = bodies + 0.5 * np.array(carried)
