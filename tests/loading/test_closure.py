@@ -114,3 +114,24 @@ def test_names_that_the_tree_has_not_are_refused_with_its_file(given):
 def test_one_axis_is_enough_where_the_kind_has_one():
     assert loopid.Closure("a", "b", "2d", axes=AXES[0]).description.axes == AXES
     assert loopid.Closure("a", "b", "hinge", axes=AXES).description.axes == AXES
+
+
+KINDS = ("hinge loop, skew", "2d four-bar", "distance loop", "cable loop", "geared five-bar")
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_closures_of_a_robot_are_taken_for_a_tree_of_its_own(name, linkage):
+    robot = linkage(name)
+    options = {"motors": robot.actuated, "reference": robot.reference}
+    again = loopid.from_pinocchio(
+        robot.model, closures=[*robot.closures, *robot.couplings], **options
+    )
+    assert (again.closures, again.couplings) == (robot.closures, robot.couplings)
+    with pytest.raises(RobotFileError, match="is listed twice"):
+        loopid.load(robot.path, closures=robot.closures or robot.couplings)
+
+
+def test_a_coupling_with_a_curve_stays_in_its_file(linkage):
+    robot = linkage("cam")
+    with pytest.raises(OptionError, match="has a curve: write it into the YAML"):
+        loopid.from_pinocchio(robot.model, closures=robot.couplings)
