@@ -322,8 +322,7 @@ def _is_none(robot: Robot, joint: str, terms: Mapping[str, float], kind: str) ->
     if kind != "Ks":
         return False
     stiffness, force = terms["Ks"], terms.get("Fo", 0.0)
-    (index,) = robot.velocity_indices([joint])
-    unit = robot.length if index in robot.prismatic else 1.0
+    unit = robot.length if robot.slides(joint) else 1.0
     return 0 < stiffness * FAR * unit < abs(force)
 
 

@@ -449,8 +449,7 @@ class Evidence:
 
     def unit(self, motor: int) -> tuple[str, float]:
         """Of the positions of a motor, and the length in it that zeros are in."""
-        sliding = self.robot.joint(self.names[motor]).idx_v in self.robot.prismatic
-        return ("m" if sliding else "rad"), float(self.lengths[motor])
+        return self.robot.units(self.names[motor])[0], float(self.lengths[motor])
 
     def sizes(self, undone: Sequence[Undone]) -> FloatArray:
         """Root mean squares (S, d) of the forces."""

@@ -648,7 +648,7 @@ class _Search:
         return min(one.tests * alone, of_all if alone < ONE_OF_ALL else 1.0)
 
     def _missing(self, motor: str, one: _Tried, chance: float, certainty: str) -> MissingForce:
-        slides = self.force_model.robot.joint(motor).shortname().startswith("JointModelP")
+        slides = self.force_model.robot.slides(motor)
         law, number, unit = one.law, one.number, ""
         if law is WAVES:
             unit = "times a metre" if slides else "times a turn"

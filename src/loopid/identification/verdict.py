@@ -338,7 +338,7 @@ def _of_ripples(found: Outcome, ripples: Ripples) -> Finding:
     force = dict(zip(found.data.actuators, sizes.tolist(), strict=True))
     said = list[str]()
     for motor, waves, size in zip(ripples.motors, ripples.number, ripples.size, strict=True):
-        slides = robot.joint(motor).idx_v in robot.prismatic
+        slides = robot.slides(motor)
         times, unit = (waves / 2 / np.pi, "metre") if slides else (waves, "turn")
         share = number(100 * size / force[motor], 2)
         said.append(f"{motor} {times:.3g} times a {unit}, {share} % of its force")

@@ -515,7 +515,7 @@ def misplaced_motors(robot: Robot, logged: FloatArray, closed: FloatArray) -> It
         least = OFF * max(robot.coordinate_scales[joints.known[k]], ranges[k])
         if rms <= least:
             continue
-        unit = "m" if joints.known[k] in robot.prismatic else "rad"
+        unit, _ = robot.units(name)
         size = f"by {rms:.3g} {unit} rms"
         do = "look for a wrong sign, scale or length of the robot file, or exchanged columns"
         if np.sqrt(max(rms**2 - middle**2, 0.0)) <= least:
