@@ -290,23 +290,21 @@ def _confirmed(delay: Delay, other: Delay) -> Delay:
 
 def _each_left_open(delay: Delay) -> FloatArray:
     """Deviations in s (m,) of delays of motors that are not clear."""
-    errors = np.ptp(delay.intervals, axis=1) / 2 / NORMAL_95
-    pairs = zip(delay.each, errors, strict=True)
-    return np.array([_left_open(own, error, delay.step) for own, error in pairs])
+    return _left_open(delay.each, np.ptp(delay.intervals, axis=1) / 2 / NORMAL_95, delay.step)
 
 
 def _kept(delay: Delay) -> Delay:
     """A delay of which nothing is undone."""
-    error = float(np.ptp(delay.interval)) / 2 / NORMAL_95
-    left = np.array([_left_open(delay.common, error, delay.step)])
+    error = np.ptp([delay.interval], axis=1) / 2 / NORMAL_95
+    left = _left_open(np.array([delay.common]), error, delay.step)
     return replace(delay, undone=0.0 * delay.undone, left=left)
 
 
-def _left_open(common: float, error: float, step: float) -> float:
-    """Deviation in s of a delay that is not clear: what the data leave of a usual one."""
+def _left_open(delays: FloatArray, errors: FloatArray, step: float) -> FloatArray:
+    """Deviations in s (k,) of delays that are not clear: what the data leave of a usual one."""
     usual = min(USUAL, step)
-    known = 1 / (1 + (error / usual) ** 2)
-    return float(np.hypot(known * common, usual * np.sqrt(1 - known)))
+    known = 1 / (1 + (errors / usual) ** 2)
+    return np.asarray(np.hypot(known * delays, usual * np.sqrt(1 - known)))
 
 
 def _sharpens(sharp: Delay, other: Delay) -> bool:
