@@ -160,18 +160,10 @@ def error_ratio(
 ) -> tuple[tuple[float, float], FloatArray]:
     """Mean squared error of predicted forces (N, dof) over that of other ones.
 
-    Parameters
-    ----------
-    parts : IntArray, optional
-        Number (N,) of the part whose errors are alike; by default equal parts of the time.
-
-    Returns
-    -------
-    ratio : tuple of float
-        The geometric mean over the motors with samples, and its standard error by the jackknife
-        over the parts [Efron1982]; NaN where a motor has samples in one alone.
-    motors : FloatArray
-        (dof,), of each; NaN without samples.
+    The geometric mean over the motors with samples, with its standard error, and that of each motor
+    (dof,), NaN without samples. The error is by the jackknife over parts [Efron1982] whose errors
+    are alike, with numbers (N,), by default equal parts of the time. It is NaN where a motor has
+    samples in one alone.
     """
     problem = samples.problem
     if parts is None:

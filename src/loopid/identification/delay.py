@@ -381,12 +381,8 @@ def with_delay_errors(
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x. They move the estimates
     by C Σ xᵀ D / σ², with C their covariance. The variance σ² is that of as many independent errors
     as would determine a mean as well. C counts no wider than Σ xᵀ x / σ² makes it: what else widens
-    it moves no estimate. Of a delay that is not clear all is left (``Delay.left``).
-
-    Parameters
-    ----------
-    data : FitSamples
-        What was fitted, of these recordings.
+    it moves no estimate. Of a delay that is not clear all is left (``Delay.left``). The data are
+    what was fitted, of these recordings.
     """
     noise, late = fit.noise, delay_forces(data, fit.values, recordings, delay)
     if noise is None or not late.shape[2]:

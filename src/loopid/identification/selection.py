@@ -283,10 +283,7 @@ def prediction_errors(
 ) -> list[PredictionError]:
     """Errors of several values (n,) on the same data, each beside the best of them.
 
-    Parameters
-    ----------
-    scale : FloatArray
-        (dof,), that residuals are multiplied by; 0 leaves an actuator out.
+    Residuals are multiplied by a scale (dof,); 0 leaves an actuator out.
     """
     present = validation.used & (scale > 0)
     counts = present.sum(axis=1)
