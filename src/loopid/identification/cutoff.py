@@ -10,7 +10,6 @@ at each cut-off. A change is that of predicted forces, in parts of each motor's 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import field
 from typing import NamedTuple
@@ -23,8 +22,8 @@ from loopid.findings import Finding, WithFindings
 from loopid.identification.estimator import nearest_to_file
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
-from loopid.logs.preparing import at_cutoff, motion_band, prepare
-from loopid.logs.recording import OVERSAMPLING, FilterOptions, MaskOptions, Recording
+from loopid.logs.preparing import at_cutoff, motion_band, quietly_prepared
+from loopid.logs.recording import OVERSAMPLING, FilterOptions, Recording
 from loopid.records import record
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
@@ -203,15 +202,9 @@ def sections(robot: Robot, recording: Recording) -> Recording:
         return recording
     period = len(log) / SECTIONS
     kept = np.arange(len(log)) % period < LONGEST / SECTIONS
-    known = recording.history.whole[1] if recording.history else recording.motion
-    options = recording.filter or FilterOptions(), recording.masks or MaskOptions()
+    options = recording.filter or FilterOptions()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # given when all of it was prepared
-            part = prepare(
-                robot, log.select(kept), filter=options[0], masks=options[1], known=known
-            )
-        return part.within(recording)
+        return quietly_prepared(robot, recording, log.select(kept), options).within(recording)
     except LoopidError:
         return recording
 
