@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import loopid
-from loopid.view.scene import Pose
+from loopid.view.scene import ScenePose
 from loopid.view.viewer import BROWSERS, Viewer
 from tables import show, write_json
 
@@ -54,7 +54,7 @@ class Counting(Viewer):
 
     residuals: list[float]
 
-    def _place(self, pose: Pose, *more: Any) -> None:
+    def _place(self, pose: ScenePose, *more: Any) -> None:
         super()._place(pose, *more)
         self.__dict__.setdefault("residuals", []).append(pose.residual)
 

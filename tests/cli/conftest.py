@@ -102,13 +102,17 @@ def log_texts(knee_run):
 
 
 @pytest.fixture(scope="session")
-def arm_files(tmp_path_factory):
-    """A serial robot, which is quick to identify, and two logs of it."""
-    folder = tmp_path_factory.mktemp("arm")
-    (folder / "arm.urdf").write_text(ARM)
-    arm = loopid.load(folder / "arm.urdf")
-    terms = JointTerms(arm.actuated), np.array([3.0, 1.0, 2.0, 0.5])
-    for name, seed in (("run.csv", 1), ("other.csv", 2)):
-        motion = wander(arm, seed, seconds=20.0, rate=50.0, size=(1.0, 1.2))
-        (folder / name).write_text(logged(arm, motion, terms, noise=0.1, seed=seed))
-    return tuple(str(folder / name) for name in ("arm.urdf", "run.csv", "other.csv"))
+def arm_files(tmp_path_factory, once):
+    """A serial robot, which is quick to identify, and two logs of it; for all workers one place."""
+
+    def written():
+        folder = tmp_path_factory.mktemp("arm")
+        (folder / "arm.urdf").write_text(ARM)
+        arm = loopid.load(folder / "arm.urdf")
+        terms = JointTerms(arm.actuated), np.array([3.0, 1.0, 2.0, 0.5])
+        for name, seed in (("run.csv", 1), ("other.csv", 2)):
+            motion = wander(arm, seed, seconds=20.0, rate=50.0, size=(1.0, 1.2))
+            (folder / name).write_text(logged(arm, motion, terms, noise=0.1, seed=seed))
+        return tuple(str(folder / name) for name in ("arm.urdf", "run.csv", "other.csv"))
+
+    return once("arm files", written)

@@ -26,14 +26,14 @@ def test_arguments_are_as_good_as_a_yaml(given):
     assert (found.closures, found.actuated) == (robot.closures, robot.actuated)
     assert (found.motors_listed, found.motors_known) == (True, True)
     np.testing.assert_allclose(found.reference, robot.reference, atol=1e-6)
-    assert loopid.load(urdf, **found.options) == found
+    assert loopid.load(urdf, **found.loaded_with) == found
 
 
 def test_a_reference_may_be_a_configuration(given):
     robot, urdf, options = given
     found = loopid.load(urdf, **options | {"reference": robot.reference})
     np.testing.assert_allclose(found.reference, robot.reference, atol=1e-9)
-    assert loopid.load(urdf, **found.options) == found
+    assert loopid.load(urdf, **found.loaded_with) == found
     for wrong in (robot.reference[1:], "home", {robot.actuated[0]: "up"}):
         with pytest.raises(LoopidError, match="reference"):
             loopid.load(urdf, **options | {"reference": wrong})
@@ -56,7 +56,7 @@ def test_saved_fits_and_robot_files_keep_closures_and_motors(given, tmp_path, mo
     saved = loopid.load_fit(loopid.Fit.of(model, model.prior).save(tmp_path / "fit.yaml"))
     again = saved.robot
     assert again == robot
-    assert again.options == robot.options
+    assert again.loaded_with == robot.loaded_with
     changed = 1.25 * robot.standard_parameters()
     found = loopid.load(export_robot_file(again, changed, tmp_path / "new.urdf"))
     for name in ("closures", "couplings", "actuated", "independent", "rounding"):
@@ -114,3 +114,24 @@ def test_names_that_the_tree_has_not_are_refused_with_its_file(given):
 def test_one_axis_is_enough_where_the_kind_has_one():
     assert loopid.Closure("a", "b", "2d", axes=AXES[0]).description.axes == AXES
     assert loopid.Closure("a", "b", "hinge", axes=AXES).description.axes == AXES
+
+
+KINDS = ("hinge loop, skew", "2d four-bar", "distance loop", "cable loop", "geared five-bar")
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_closures_of_a_robot_are_taken_for_a_tree_of_its_own(name, linkage):
+    robot = linkage(name)
+    options = {"motors": robot.actuated, "reference": robot.reference}
+    again = loopid.from_pinocchio(
+        robot.model, closures=[*robot.closures, *robot.couplings], **options
+    )
+    assert (again.closures, again.couplings) == (robot.closures, robot.couplings)
+    with pytest.raises(RobotFileError, match="is listed twice"):
+        loopid.load(robot.path, closures=robot.closures or robot.couplings)
+
+
+def test_a_coupling_with_a_curve_stays_in_its_file(linkage):
+    robot = linkage("cam")
+    with pytest.raises(OptionError, match="has a curve: write it into the YAML"):
+        loopid.from_pinocchio(robot.model, closures=robot.couplings)

@@ -6,6 +6,7 @@ import pytest
 
 import loopid
 from loopid.errors import DataWarning, LogError, OptionError
+from loopid.identification.data import recordings_of
 from loopid.kinematics import random_configurations
 from loopid.kinematics.measured import JointCoordinates
 from loopid.logs import LogMapping
@@ -98,3 +99,25 @@ def test_what_moves_is_not_static(case, table, tmp_path):
         polars.DataFrame(part).write_csv(folder / f"{name or 'q'}.csv")
     with pytest.raises(LogError, match=r"poses at rest must stand in one table"):
         loopid.read_log(folder, robot, mapping=STATIC)
+
+
+def test_poses_of_one_name_are_logs_apart(case, table):
+    robot, q, model, *_ = case
+    bodies = 0.7 * robot.standard_parameters("gravity")
+    carried = [each == "right_coupler.m" for each in robot.parameters("gravity").labels]
+    loaded = bodies + 0.5 * np.array(carried)
+    force = model.regressor(q) @ model.base.values(loaded)
+    more = table | {f"{name}.tau": f for name, f in zip(robot.actuated, force.T, strict=True)}
+    found = loopid.identify(robot, [table, more], mapping=STATIC)
+    first, second = (each.name for each in found.training)
+    assert (first, second) == ("frame", "frame 2")
+    assert (found.log_difference.name, found.log_difference.what) == (second, "load")
+
+
+def test_parts_of_poses_share_the_name_of_their_log(case, table):
+    robot = case[0]
+    run = loopid.prepare(robot, loopid.Log.from_frame(table, robot.actuated, mapping=STATIC))
+    parts = run.split(0.5)
+    ((*first, other), (again,)) = recordings_of(robot, [*parts, run], parts[1])
+    assert [each.name for each in (*first, again)] == ["frame"] * 3
+    assert other.name == "frame 2"

@@ -336,7 +336,7 @@ def clear(call: Call) -> None:
 # What is wrong with the contents of files is named by joints, or by what it does.
 CAUSES = ("shoulder", "elbow", "crank", "rod_joint", "root_joint", "family",
           "deviation of the robot file", "motion file", "no parameter has an effect",
-          "nothing to export")  # fmt: skip
+          "nothing to export", "is on the PATH")  # fmt: skip
 
 
 def faults(call: Call, found: Outcome) -> list[str]:

@@ -37,8 +37,9 @@ def read(
 def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[Recording, ...]]:
     """Recordings of several data, each of any form that ``identify`` takes.
 
-    Other logs of one name are numbered: ``run``, ``run 2``. Parts of a log share its name. Data of
-    another form are refused, and a mapping that none of them needs.
+    Other logs of one name are numbered: ``run``, ``run 2``. Parts of a log share its name, as do
+    poses at rest of one name whose rows do not overlap. Data of another form are refused, and a
+    mapping that none of them needs.
     """
     given = [each_of(each) for each in data]
     known = [isinstance(one, Log | Recording | Measurement) for each in given for one in each]
@@ -54,20 +55,39 @@ def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[R
 
 def _named_apart(data: Sequence[Sequence[Recording]]) -> list[tuple[Recording, ...]]:
     """The recordings, by names that tell their logs apart."""
-    logs, names = dict[int, Log](), set[str]()
+    logs, names = list[tuple[str, list[Recording]]](), set[str]()
     for run in chain(*data):
-        if run.log is not None and id(run.log) not in logs:
-            more = (f"{run.name} {k}" for k in count(2))
-            name = next(name for name in chain([run.name], more) if name not in names)
-            names.add(name)
-            logs[id(run.log)] = run.log if name == run.name else replace(run.log, name=name)
+        parts = next((parts for _, parts in logs if _are_of_one_log(run, parts)), None)
+        if parts is not None:
+            parts.append(run)
+            continue
+        more = (f"{run.name} {k}" for k in count(2))
+        name = next(name for name in chain([run.name], more) if name not in names)
+        names.add(name)
+        logs.append((name, [run]))
+    own = {id(run): name for name, parts in logs for run in parts}
+    renamed = {
+        id(log): replace(log, name=name)
+        for name, (first, *_) in logs
+        if (log := first.log) is not None and name != first.name
+    }
 
     def named(run: Recording) -> Recording:
-        if run.log is None or (log := logs[id(run.log)]) is run.log:
+        name = own[id(run)]
+        if name == run.name:
             return run
-        return replace(run, name=log.name, log=log)
+        return replace(run, name=name, log=None if run.log is None else renamed[id(run.log)])
 
     return [tuple(map(named, each)) for each in data]
+
+
+def _are_of_one_log(run: Recording, parts: Sequence[Recording]) -> bool:
+    """Whether a recording is a part of the log of others: where that is not kept, by its times."""
+    if run.log is not None or parts[0].log is not None:
+        return run.log is parts[0].log
+    start, end = run.motion.time[[0, -1]]
+    apart = (end < part.motion.time[0] or part.motion.time[-1] < start for part in parts)
+    return run.name == parts[0].name and (any(run is part for part in parts) or all(apart))
 
 
 def each_of(data: Any) -> Sequence[Any]:

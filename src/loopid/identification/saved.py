@@ -72,7 +72,7 @@ class FitFile:
                 "name": robot.name,
                 "path": _place(robot),
                 "files": _hashes(robot),
-                "options": robot.options,
+                "options": robot.loaded_with,
                 "coordinates": robot.coordinates,
             },
             # Forces are along the coordinates named by the rows.

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
 
 from loopid.border import validated
 from loopid.errors import OptionError, naming
 from loopid.loading.description import ClosureDescription, Description, closure_kind, keys_of
 from loopid.loading.tree import Reference
 from loopid.records import record
-from loopid.robot.closures import CLOSURE_KINDS, Axis, JointCoupling
+from loopid.robot.closures import CLOSURE_KINDS, Axis, JointCoupling, LoopClosure
 
 
 @record(checked=True)
@@ -123,6 +125,30 @@ class Coupling:
         content = {"type": JointCoupling.kind, "joints": dict(self.joints), "offset": self.offset}
         what = f"coupling of {', '.join(self.joints)}"
         return validated(ClosureDescription, content, what, OptionError)
+
+
+def _of_a_robot(closure: Any) -> Any:
+    """What gives a closure of a loaded robot again; all else as it is."""
+    if isinstance(closure, JointCoupling):
+        if closure.powers:
+            raise OptionError(
+                f"the coupling {closure.name} has a curve: write it into the YAML of the robot",
+                given=closure.name,
+            )
+        return Coupling(
+            dict(zip(closure.joints, closure.coefficients, strict=True)), closure.offset
+        )
+    if isinstance(closure, LoopClosure):
+        known, _ = keys_of(closure.kind)
+        own = {each: getattr(closure, each) for each in ("axes", "length", "joint")}
+        more = {each: value for each, value in own.items() if each in known}
+        ends = closure.frame_a, closure.frame_b
+        return Closure(*ends, closure.kind, **more, name=closure.name)
+    return closure
+
+
+# Those of a loaded robot, ``robot.closures`` and ``robot.couplings``, will do as well.
+Closures = Sequence[Annotated[Closure | Coupling, BeforeValidator(_of_a_robot)]]
 
 
 def not_in(given: Description, closures: Sequence[Closure | Coupling]) -> list[Closure | Coupling]:

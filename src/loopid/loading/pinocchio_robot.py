@@ -11,7 +11,7 @@ import pinocchio as pin
 from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError, shown
 from loopid.loading.build import build_robot
-from loopid.loading.closure import Closure, Coupling, with_more
+from loopid.loading.closure import Closure, Closures, with_more
 from loopid.loading.description import Description, Rounding
 from loopid.loading.model_closures import frame_named
 from loopid.loading.tree import Reference, TreeSource, joint_values
@@ -30,7 +30,7 @@ def from_pinocchio(
     model: pin.Model,
     constraint_models: Iterable[Any] = (),
     *,
-    closures: Sequence[Closure | Coupling] = (),
+    closures: Closures = (),
     motors: Sequence[str] | None = None,
     reference: Mapping[str, Reference] | FloatArray | None = None,
     lock: Sequence[str] = (),

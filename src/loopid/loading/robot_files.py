@@ -13,7 +13,7 @@ from typing_extensions import TypedDict
 from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
 from loopid.loading.build import build_robot
-from loopid.loading.closure import Closure, Coupling, with_more
+from loopid.loading.closure import Closures, with_more
 from loopid.loading.description import Rounding
 from loopid.loading.files import RobotFiles, find_files
 from loopid.loading.tree import Reference, TreeSource, joint_values
@@ -35,7 +35,7 @@ class Reading(TypedDict, total=False):
 def load(
     path: str | Path,
     *,
-    closures: Sequence[Closure | Coupling] = (),
+    closures: Closures = (),
     motors: Sequence[str] | None = None,
     reference: Mapping[str, Reference] | FloatArray | None = None,
     lock: Sequence[str] = (),
@@ -51,7 +51,7 @@ def load(
         A YAML with the loop closures (its tree beside it), a URDF or URDF+, an MJCF, an SDF, a
         xacro, or the name of a bundled robot such as ``"3ups_rpu"``.
     closures : sequence of Closure or Coupling
-        What closes loops, beside what the file says.
+        What closes loops, beside what the file says; also ``closures`` of another robot.
     motors : sequence of str, optional
         Joints with motors, in place of those of the file.
     reference : mapping or FloatArray, optional

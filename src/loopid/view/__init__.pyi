@@ -1,2 +1,2 @@
-from .scene import Pose as Pose, Scene as Scene
+from .scene import Scene as Scene
 from .viewer import Viewer as Viewer, open_viewer as open_viewer

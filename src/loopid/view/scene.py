@@ -31,7 +31,7 @@ class Slider:
 
 
 @record(checked="outside")
-class Pose:
+class ScenePose:
     """What is where at a configuration, in m along the fixed axes.
 
     Examples
@@ -95,14 +95,14 @@ class Scene:
         unit, _ = self.robot.units(joint)
         return Slider(joint, unit, float(min(low, at)), float(max(high, at)))
 
-    def at(self, configuration: FloatArray) -> Pose:
+    def at(self, configuration: FloatArray) -> ScenePose:
         """What is where at a configuration (nq,), closed or not."""
         robot = self.robot
         q = samples(configuration, robot.model.nq, "configuration", 1)
         places, joints, rods, ends = placed(robot, self._rods, q[0])
         residual, owner = np.abs(scaled_residual(robot, q)[0]), robot.row_closures
         own = residual[: len(owner)]
-        return Pose(
+        return ScenePose(
             configuration=q[0],
             values=self._measured.read(q)[0],
             origins=np.array([place.translation for place in places]),
@@ -115,7 +115,9 @@ class Scene:
             singularity=float(singularity_measure(robot, q)[0]),
         )
 
-    def moved(self, pose: Pose, values: FloatArray, *, part: float = 1.0) -> tuple[Pose, bool]:
+    def moved(
+        self, pose: ScenePose, values: FloatArray, *, part: float = 1.0
+    ) -> tuple[ScenePose, bool]:
         """The closed pose at values of the sliders, and whether they are reached from a pose.
 
         The way there, or a part of it, is straight. It ends where it leaves the workspace or meets

@@ -28,7 +28,7 @@ from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.robot.robot import Robot
 from loopid.view.masses import BodyMass, body_masses, fitted_masses
-from loopid.view.scene import Pose, Scene
+from loopid.view.scene import Scene, ScenePose
 
 with optional("viser", "view"):
     import viser
@@ -73,7 +73,7 @@ class Viewer:
     Attributes
     ----------
     scene : Scene
-    pose : Pose
+    pose : ScenePose
         What is shown.
 
     Raises
@@ -244,7 +244,7 @@ class Viewer:
             **look,
         )  # fmt: skip
 
-    def _place(self, pose: Pose, said: str = "", dragged: Any = None) -> None:
+    def _place(self, pose: ScenePose, said: str = "", dragged: Any = None) -> None:
         """Put everything where a pose has it, and say how the pose is.
 
         What a browser receives at each pose costs it more than the pose itself. Nothing is placed
