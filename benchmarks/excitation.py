@@ -122,7 +122,7 @@ def feasible() -> Rows:
 def seeds() -> Rows:
     """100 seeds of the 3UPS+RPU: violations after the check, and how far motions were shrunk."""
     robot = loopid.load("3ups_rpu")
-    model, kept = loopid.force_model(robot, terms=None), 0
+    model, kept = loopid.force_model(robot, joint_terms=None), 0
     for seed in range(100):
         row, found = designed(
             f"seed {seed}", model, limits=KNEE, seed=seed, starts=1, evaluations=25
@@ -239,7 +239,7 @@ def refusals() -> Rows:
     ur10_file = robots_folder() / UR10
     for name in ("3ups_rpu", "five_bar", "delta", ur10_file):
         robot = loopid.load(name)
-        model, motor = loopid.force_model(robot, terms=None), robot.actuated[0]
+        model, motor = loopid.force_model(robot, joint_terms=None), robot.actuated[0]
         asked: list[dict[str, Any]] = [
             {"positions": {motor: (0.2, 0.1)}},
             {"forces": {"all": 1e-3}},

@@ -168,7 +168,7 @@ def test_unknown_terms_are_refused_when_options_are_made():
     for terms in ("Fc,Fx", "auto; elbow: Fx", "file, Fx"):
         with pytest.raises(LoopidError, match="unknown joint term 'Fx'"):
             loopid.FitOptions(terms=terms)
-    for terms in ("none", "auto; elbow: Ks@0.2", "Fc,Fv; passive: Fv", "file", ""):
+    for terms in ("none", "auto; elbow: Ks@0.2", "Fc,Fv; passive: Fv", "file"):
         assert loopid.FitOptions(terms=terms).terms == terms
 
 

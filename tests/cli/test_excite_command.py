@@ -67,7 +67,7 @@ def test_files_say_what_the_record_says(run, tmp_path, load_once):
     whole = np.concatenate([motion.position, motion.velocity, motion.acceleration], axis=1)
     np.testing.assert_allclose(np.transpose(columns), whole, atol=1e-9)
     followed = loopid.motion.joint_motion(robot, motion)
-    model = loopid.force_model(robot, terms=None)
+    model = loopid.force_model(robot, joint_terms=None)
     noise = np.array([record["noise"][motor] for motor in robot.actuated])
     W = (model.regressor(followed) / noise[:, None]).reshape(-1, len(model.parameters))
     assert np.isclose(np.linalg.cond(W), record["condition_number"], rtol=1e-6)

@@ -197,7 +197,7 @@ def test_nothing_is_written_over_what_it_is_made_from(run, arm_files, tmp_path):
         for options in ((), ("--overwrite",)):
             done = run("export", robot, fit, "--yaml", place, *options)
             assert_refused(done, "made from", "name another")
-    model = loopid.force_model(loopid.load(robot), terms=None)
+    model = loopid.force_model(loopid.load(robot), joint_terms=None)
     with pytest.raises(FileError, match="made from"):
         loopid.Fit.of(model, np.ones(6)).save(robot)
     assert {path: path.read_bytes() for path in before} == before

@@ -165,7 +165,7 @@ def fitted(record):
 
 def test_the_split_is_an_option(arm):
     whole = arm()
-    little = arm("--fraction", "0.3")
+    little = arm("--train", "0.3")
     counts = [
         [sum(part["samples"] for part in record[name]) for name in ("training", "validation")]
         for record in (whole, little)
@@ -176,7 +176,7 @@ def test_the_split_is_an_option(arm):
 
 
 def test_a_validation_log_takes_the_place_of_the_split(arm, arm_files):
-    whole, found = arm(), arm("--validation", arm_files[2])
+    whole, found = arm(), arm("--validate", arm_files[2])
     assert [part["name"] for part in found["training"]] == ["run"]
     assert [part["name"] for part in found["validation"]] == ["other"]
     assert found["training"][0]["samples"] == whole["training"][0]["samples"]
@@ -248,13 +248,15 @@ def test_each_log_may_have_a_mapping_of_its_own(run, run_json, arm_files, tmp_pa
             f"force_scale: {1 / scale}\n"
         )
         mappings += ["--mapping", tmp_path / f"{name}.yaml"]
-    logs = [tmp_path / "ab.csv", "--validation", tmp_path / "cd.csv"]
+    logs = [tmp_path / "ab.csv", "--validate", tmp_path / "cd.csv"]
     found = run_json("identify", robot, *logs, *mappings, *PLAIN)
-    alone = run_json("identify", robot, log, "--validation", log, *PLAIN)
+    alone = run_json("identify", robot, log, "--validate", log, *PLAIN)
     assert fitted(found) == pytest.approx(fitted(alone), rel=1e-4)
     refused = run("identify", robot, logs[0], *mappings)
     assert refused.code == 2
-    assert "for each in the order of LOG, --validation, --reference, --friction-log" in refused.err
+    assert (
+        "once for each in the order of LOG, --validate, --reference, --friction-log" in refused.err
+    )
     assert "not 2 times for 1 log" in refused.err
 
 
@@ -272,13 +274,13 @@ def test_no_progress_bar_is_drawn_where_no_terminal_is(run, arm_files):
         (("--terms", "Fq"), ["'Fq'", "Fc", "Fv", "Ia"]),
         (("--estimator", "best"), ["'best'", "ols", "wls"]),
         (("--model", "half"), ["'half'", "gravity", "full"]),
-        (("--fraction", "0"), ["between 0 and 1", "0"]),
-        (("--fraction", "1.5"), ["between 0 and 1", "1.5"]),
-        (("--fraction", "nan"), ["--fraction", "nan"]),
+        (("--train", "0"), ["between 0 and 1", "0"]),
+        (("--train", "1.5"), ["between 0 and 1", "1.5"]),
+        (("--train", "nan"), ["--train", "nan"]),
         (("--cutoff", "-1"), ["cutoff", "above 0"]),
         (("--cutoff", "1000"), ["cut-off", "half the sample rate"]),
         (("--mapping", "nowhere.yaml"), ["nowhere.yaml"]),
-        (("--validation", "nowhere.csv"), ["nowhere.csv"]),
+        (("--validate", "nowhere.csv"), ["nowhere.csv"]),
         (("--friction-log", "nowhere.csv"), ["nowhere.csv"]),
         (("--lock", "knee"), ["knee", "shoulder"]),
         (("--jobs", "0"), ["--jobs", "0"]),
@@ -466,7 +468,7 @@ def test_some_rows_of_a_log_are_fitted(arm, run, arm_files):
 
 def test_a_log_that_is_fitted_and_validates_is_named(arm_files, run):
     robot, log, _ = arm_files
-    said = run("identify", robot, log, *PLAIN, "--validation", log).err
+    said = run("identify", robot, log, *PLAIN, "--validate", log).err
     assert "is fitted and validates" in said
 
 
@@ -513,4 +515,4 @@ def test_a_joint_is_locked_where_the_log_has_it(run, write_files, tmp_path):
     assert record["fit"]["robot"]["options"]["lock"] == ["joint1=0.5"]
     assert "--lock joint1 " in f"{record['advice']} "  # --after has it where the log has
     locked, _ = quietly(read, quietly(loopid.load, path, lock=["joint1"]), str(log))
-    assert locked.loaded_with["lock"] == ("joint1=0.5",)
+    assert locked.options["lock"] == ("joint1=0.5",)

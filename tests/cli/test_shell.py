@@ -41,7 +41,7 @@ ANSWERED = "--help", "check --help", "--version"  # at once, without a command
         ("predict", 'say where it is, robot="FILE"', "say where it is, --robot FILE"),
         ("check", 'springs: terms="file" has', "springs: loopid base --terms file has"),
         # An argument that is refused, by the option that it was given by.
-        ("identify", "fraction must be between 0 and 1", "--fraction must be between 0 and 1"),
+        ("identify", "fraction must be between 0 and 1", "--train must be between 0 and 1"),
         ("identify", "start must be a time in s, not nan", "--from must be a time in s, not nan"),
         ("base", "condition_limit must be above 1, not 0", "--cond-limit must be above 1, not 0"),
         ("simulate", "gaussian must be 0 or more", "--noise must be 0 or more"),

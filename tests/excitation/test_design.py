@@ -32,7 +32,7 @@ def one_start():
 
 @pytest.fixture(scope="module")
 def gravity(five_bar):
-    return loopid.force_model(five_bar, terms=None)
+    return loopid.force_model(five_bar, joint_terms=None)
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +126,7 @@ def test_ranges_of_platform_coordinates_are_kept(load_once):
     limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity_threshold=0.05)
     options = replace(QUICK, evaluations=1)
     found = loopid.design_motion(
-        loopid.force_model(robot, terms=None), limits=limits, options=options
+        loopid.force_model(robot, joint_terms=None), limits=limits, options=options
     )
     assert found.violations == 0
     x = loopid.kinematics.platform_coordinates(robot, found.joint_motion.configurations)
@@ -311,7 +311,9 @@ def test_a_robot_with_couplings_and_no_loops_has_no_singularities(tmp_path):
     file.write_text(
         urdf(body("first"), body("gripper"), joint("turn", "ground", "first", axis=Y), followed)
     )
-    found = loopid.design_motion(loopid.force_model(loopid.load(file), terms=None), options=QUICK)
+    found = loopid.design_motion(
+        loopid.force_model(loopid.load(file), joint_terms=None), options=QUICK
+    )
     assert found.violations == 0
     assert found.min_singularity_measure == 1.0
 
@@ -325,7 +327,7 @@ def wrist(tmp_path_factory):
     tree, described = files(parts, description)
     (folder / "robot.urdf").write_text(tree.replace('effort="1"', 'effort="1.7e308"'))
     (folder / "robot.yaml").write_text(described)
-    return loopid.force_model(loopid.load(folder / "robot.yaml"), terms=None)
+    return loopid.force_model(loopid.load(folder / "robot.yaml"), joint_terms=None)
 
 
 def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):

@@ -40,7 +40,7 @@ def written(mechanism, terms, values, place, **options):
         export_robot_file(mechanism, whole, place, parameters=names)
     said = [str(w.message) for w in heard if "joint terms of the new" in str(w.message)]
     with warnings.catch_warnings(action="ignore"):
-        again = loopid.load(options.pop("file", place), **(dict(mechanism.loaded_with) | options))
+        again = loopid.load(options.pop("file", place), **(dict(mechanism.options) | options))
     return again, whole, said
 
 

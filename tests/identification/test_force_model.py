@@ -95,7 +95,7 @@ def test_memory_does_not_change_the_regressor(case, monkeypatch, chunk):
 
 
 def test_without_joint_terms_all_columns_are_bodies(knee):
-    model = loopid.force_model(knee, terms=None)
+    model = loopid.force_model(knee, joint_terms=None)
     assert (len(model.parameters), len(model.joint_columns)) == (15, 0)
     np.testing.assert_array_equal(model.body_columns, np.arange(15))
     np.testing.assert_allclose(model.prior, model.base.values(knee.standard_parameters("gravity")))

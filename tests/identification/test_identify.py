@@ -176,7 +176,7 @@ def test_recordings_count_together(found, knee_model, motions, truth):
 def test_a_robot_that_stands_tells_no_friction_and_hardly_a_body(knee, knee_model, motions):
     for model, count, lead in (
         (knee_model, 19, "leg1_stroke.Fc"),
-        (loopid.force_model(knee, terms=None), 11, "platform.my"),
+        (loopid.force_model(knee, joint_terms=None), 11, "platform.my"),
     ):
         fitted, fresh = (
             [modelled(model, motion, model.prior)] for motion in (stand(knee), motions[1])

@@ -15,7 +15,7 @@ from closure_robots import body
 from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.findings import PAGE
-from loopid.identification import log_faults
+from loopid.identification import log_faults, log_timing
 from loopid.identification.data import recordings_of
 from loopid.identification.evidence import Evidence, Explanation
 from loopid.identification.log_mistakes import _Find, _finds, log_faults_by_log
@@ -242,6 +242,21 @@ def test_forces_of_another_time_are_late_by_seconds(runs):
     assert "delay: 4 in" in found.do
 
 
+@pytest.mark.parametrize(("independent", "named"), [(0.6, False), (100.0, True)])
+def test_a_shift_that_explains_few_independent_samples_is_chance(
+    load_once, monkeypatch, independent, named
+):
+    """Some of a hundred shifts does, of a motor that sticks most of the time."""
+    robot, lags = load_once("five_bar"), np.arange(-50, 51) / 5
+    errors = np.where(np.isclose(lags, 2.0), 0.02, 0.2)
+    found = lags, errors, np.full(len(lags), independent)
+    monkeypatch.setattr(log_timing, "_errors_by_lag", lambda *_: found)
+    run = record(robot, wander(robot, 0, seconds=20.0, rate=5.0))
+    late = late_by_seconds(robot, [run])
+    assert (late is not None) == named
+    assert late is None or late.title == "the forces are 2 s late"
+
+
 @pytest.mark.parametrize("seed", few_of(range(3), 0))
 def test_forces_of_a_robot_that_mostly_stands_are_not_late(load_once, seed):
     """A shift that leaves a standstill alone is explained by an offset, even with a spring."""
@@ -373,6 +388,19 @@ def test_a_mistake_that_sends_bodies_away_is_none(load_once):
     assert not model.near(further, far)
     assert model.near(far, further)
     assert model.near(half, before)
+
+
+def test_many_mistakes_that_are_tried_are_together_no_likelier_than_none(load_once):
+    """Beforehand: what each keeps of its evidence are parts of one [Scott2006]."""
+    robot = load_once("3rrr")
+    motion = wander(robot, 0, seconds=5.0, rate=40.0, size=(0.2, 0.2, 0.2))
+    model = Evidence(robot, [record(robot, motion)], None)
+    # Errors are large, so that all kinds are tried.
+    found = model.explained([model.recorded])[0]._replace(error=model.size)
+    finds = [one for closed in (False, True) for one in _finds(model, found, assembled=closed)]
+    kept = sum(np.exp(one.evidence - one.after.evidence) for one in finds)
+    assert {one.kind for one in finds} >= {"gain", "forces", "factor"}
+    assert 0 < kept <= 1
 
 
 def passing(run, measure, larger):

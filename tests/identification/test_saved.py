@@ -176,9 +176,9 @@ def test_what_differs_is_named(tmp_path, old, new, words):
 
 def test_other_options_of_loading_are_refused(load_once, tmp_path):
     tied = loopid.load("3rrr", tied=True)
-    model = loopid.force_model(tied, terms=None)
+    model = loopid.force_model(tied, joint_terms=None)
     path = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json")
-    assert load_fit(path).robot.loaded_with["tied"]
+    assert load_fit(path).robot.options["tied"]
     with pytest.raises(DataError, match=r"not of .*3rrr\.yaml: parameter"):
         load_fit(path, robot=load_once("3rrr"))
 
@@ -198,7 +198,7 @@ def test_a_robot_file_may_have_the_closures_of_python(tmp_path):
     leg = ROOT / "examples" / "leg.urdf"
     closures, motors = [loopid.Closure("rod_end", "lever", "3d")], ["hip_pitch", "knee_drive"]
     robot = loopid.load(leg, closures=closures, motors=motors)
-    model = loopid.force_model(robot, terms=None)
+    model = loopid.force_model(robot, joint_terms=None)
     saved = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json")
     beside = export_robot_file(robot, 1.1 * robot.standard_parameters(), tmp_path / "new.urdf")
     own = tmp_path / "own.yaml"
@@ -216,7 +216,7 @@ def test_a_robot_file_may_have_the_closures_of_python(tmp_path):
 def test_a_fit_is_used_and_saved_after_its_robot_file_is_gone(load_once, tmp_path):
     for ending in ("yaml", "urdf"):
         copy(ROOT / "urdf" / f"five_bar.{ending}", tmp_path)
-    model = loopid.force_model(loopid.load(tmp_path / "five_bar.yaml"), terms=None)
+    model = loopid.force_model(loopid.load(tmp_path / "five_bar.yaml"), joint_terms=None)
     fit, u = loopid.Fit.of(model, model.prior), [2.0, 0.7]
     expected = loopid.Dynamics(model.robot, fit).inverse(u)
     (tmp_path / "five_bar.yaml").unlink()
@@ -231,7 +231,7 @@ def test_no_other_robot_of_the_name_stands_in(tmp_path):
         copy(ROOT / "urdf" / f"five_bar.{ending}", tmp_path)
     own = tmp_path / "five_bar.yaml"
     for robot in (loopid.load(own), loopid.load("five_bar")):
-        model = loopid.force_model(robot, terms=None)
+        model = loopid.force_model(robot, joint_terms=None)
         path = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json")
         own.unlink(missing_ok=True)
         if robot.path == own:

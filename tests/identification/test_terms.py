@@ -5,11 +5,13 @@ from dataclasses import replace
 import pytest
 
 import loopid
+from closure_robots import body, urdf
 from loopid import JointTerms
 from loopid.identification import choose_terms, samples_of
 from loopid.identification.fitting import quiet_fit
+from loopid.identification.terms import taken_for_offsets
 from loopid.motion import scaled_bodies
-from made_runs import record, wander
+from made_runs import HINGE, record, wander
 
 FRICTION = "Fc=0.1,Fv=0.05"
 
@@ -80,3 +82,27 @@ def test_motors_that_stand_are_no_failure(robot):
     halted = replace(recording, motion=replace(recording.motion, velocities=still))
     for each in (halted, recording.select(slice(8))):
         assert choose_terms(model, samples_of(model, [each])).automatic
+
+
+def test_what_an_offset_is_taken_for_is_named(tmp_path):
+    """The wrist hardly moves, so that its offset is the weight of the hand across it."""
+    (tmp_path / "arm.urdf").write_text(
+        urdf(
+            body("upper", (0.02, 0.01, 0.2), 3.0),
+            body("hand", (0.03, 0.01, 0.05), 0.6),
+            HINGE.format("shoulder", "ground", "upper", 0.3, "0 1 0"),
+            HINGE.format("wrist", "upper", "hand", 0.3, "0 1 0"),
+        )
+    )
+    arm = loopid.load(tmp_path / "arm.urdf")
+    terms, values = JointTerms(arm.actuated, ("Fc", "Fv", "Fo")), [0.3, 0.2, 0.0, 0.3, 0.2, 0.15]
+    for size, taken in (((1.0, 1.2), {}), ((0.05, 0.02), {"wrist.Fo": "hand.mx"})):
+        motion = wander(arm, 1, seconds=20.0, rate=50.0, size=size)
+        given = record(arm, motion, (terms, values), noise=0.02, seed=1)
+        model = loopid.force_model(arm, "gravity")
+        data = samples_of(model, [given])
+        chosen = choose_terms(model, data)
+        found = taken_for_offsets(chosen, samples_of(chosen, [given]))
+        assert {k: v for k, v in found.items() if k.startswith("wrist")} == taken
+    named = loopid.force_model(arm, "gravity", "Fc,Fv")  # as they were asked for
+    assert taken_for_offsets(named, samples_of(named, [given])) == {}

@@ -13,8 +13,8 @@ from loopid.errors import OptionError
 from loopid.findings import SEVERITIES, Finding
 from loopid.identification.unseen import UnseenErrors, outstanding
 from loopid.logs import Log, Recording
-from loopid.motion import Noise, scaled_bodies
-from made_runs import ARM, quietly, record, simulated, wander
+from loopid.motion import Noise, Waypoint, joint_motion, point_to_point, scaled_bodies
+from made_runs import ARM, centre, quietly, record, simulated, wander
 
 PRAISE = "as parameters of the robot"
 
@@ -110,6 +110,52 @@ def test_it_says_below_which_speed_friction_is_unknown(identified):
     assert f"below {part} % of a motor's top speed" in str(found.verdict)
     none = replace(found.verdict, slowest=0.0)
     assert "top speed" not in str(none)
+
+
+@pytest.fixture(scope="module")
+def rubbing(robot, once):
+    """What a robot with much friction identifies, and that friction."""
+    known = JointTerms.with_values(robot, "Fc=1,Fv=0.05")
+    run = record(robot, wander(robot, 4, 12.0, 50.0, size=(0.5, 0.5)), known, noise=0.01)
+    return once("fit of much friction", lambda: quietly(identify, robot, [run])), known
+
+
+def test_it_says_what_errors_may_be_at_speeds_below(robot, rubbing):
+    """Friction that rises there by half is within two deviations; the log shows none of it."""
+    found, known = rubbing
+    slow = wander(robot, 5, 600.0, 2.0, size=(0.5, 0.5))
+    risen = 0.5 * np.exp(-((slow.velocities / 0.02) ** 2)) * np.sign(slow.velocities)
+    force = record(robot, slow, known, noise=0.01).force + risen
+    prediction = found.fit.predict(Recording.of_motion(slow, force, robot.actuated))
+    error = (prediction.moving.residual_rms / found.unseen.force).max()
+    assert error > 2 * found.verdict.error
+    assert found.verdict.error < found.verdict.slow_error < error < 2 * found.verdict.slow_error
+    said = f"errors may be {loopid.numbers.number(100 * found.verdict.slow_error, 2)} % there"
+    assert said in str(found.verdict)
+
+
+def test_the_band_holds_what_friction_holds_while_motors_stand(robot, rubbing):
+    """Anything up to breakaway, by chance another at each stop; and no more than twice that."""
+    found, known = rubbing
+    rng = np.random.default_rng(0)
+    _, middle = centre(robot)
+    points = middle + rng.uniform(-0.4, 0.4, size=(30, 2))
+    ways = [Waypoint(point, seconds=s) for point in points for s in (0.6, 0.6)]
+    motion = joint_motion(robot, point_to_point(robot.measured, middle, ways, rate=200.0))
+    read = simulated(robot, motion, Noise(gaussian=0.01), 0, None, known)
+    stands = np.abs(motion.velocities).max(axis=1) < 1e-9
+    stops = np.cumsum(np.diff(stands, prepend=False)) * stands
+    held = rng.uniform(-1, 1, size=(stops.max() + 1, 2))[stops] * stands[:, None]
+    log = Log.from_arrays(read.time, read.position, read.force + held, robot.actuated)
+    prediction = found.fit.predict(quietly(loopid.prepare, robot, log))
+    at = np.interp(prediction.recording.motion.time, read.time, stands) == 1
+    at &= ~prediction.recording.used.any(axis=1)
+    inside = np.abs(prediction.residual) <= prediction.reach
+    assert at.sum() > 100
+    assert (inside[at].mean(axis=0) > 0.95).all()
+    assert (prediction.inside > 0.95).all()
+    assert (prediction.reach[at] < 2.5).all()
+    assert np.median(prediction.reach[prediction.recording.resting < 1e-3]) < 0.1
 
 
 def test_it_says_which_speeds_and_accelerations_were_seen(identified):

@@ -26,14 +26,14 @@ def test_arguments_are_as_good_as_a_yaml(given):
     assert (found.closures, found.actuated) == (robot.closures, robot.actuated)
     assert (found.motors_listed, found.motors_known) == (True, True)
     np.testing.assert_allclose(found.reference, robot.reference, atol=1e-6)
-    assert loopid.load(urdf, **found.loaded_with) == found
+    assert loopid.load(urdf, **found.options) == found
 
 
 def test_a_reference_may_be_a_configuration(given):
     robot, urdf, options = given
     found = loopid.load(urdf, **options | {"reference": robot.reference})
     np.testing.assert_allclose(found.reference, robot.reference, atol=1e-9)
-    assert loopid.load(urdf, **found.loaded_with) == found
+    assert loopid.load(urdf, **found.options) == found
     for wrong in (robot.reference[1:], "home", {robot.actuated[0]: "up"}):
         with pytest.raises(LoopidError, match="reference"):
             loopid.load(urdf, **options | {"reference": wrong})
@@ -56,7 +56,7 @@ def test_saved_fits_and_robot_files_keep_closures_and_motors(given, tmp_path, mo
     saved = loopid.load_fit(loopid.Fit.of(model, model.prior).save(tmp_path / "fit.yaml"))
     again = saved.robot
     assert again == robot
-    assert again.loaded_with == robot.loaded_with
+    assert again.options == robot.options
     changed = 1.25 * robot.standard_parameters()
     found = loopid.load(export_robot_file(again, changed, tmp_path / "new.urdf"))
     for name in ("closures", "couplings", "actuated", "independent", "rounding"):

@@ -51,7 +51,7 @@ def test_a_spring_is_a_force_that_the_file_gives(load):
     assert robot.free == ("heel",)
     assert 'springs of heel hold what moves there: terms="file"' in said
     terms = JointTerms.of(robot, "file")
-    model = loopid.force_model(robot, "gravity", terms=terms)
+    model = loopid.force_model(robot, "gravity", joint_terms=terms)
     assert "heel.Ks" in model.parameters.labels
     assert "lock what does not move" in load(HEEL.replace("STIFF", ""))[1][0]
 

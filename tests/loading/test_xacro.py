@@ -42,7 +42,7 @@ def test_arguments_and_defaults_count(arm):
     first, second = (each.standard_parameters("gravity").reshape(2, 4) for each in (robot, heavy))
     np.testing.assert_allclose(first, [[2, 0.2, 0, 0], [2, 0.7, 0, 0]], atol=1e-12)
     np.testing.assert_allclose(second, [[5, 0.5, 0, 0], [5, 2.5, 0, 0]], atol=1e-12)
-    assert loopid.load(arm, **heavy.loaded_with).model.inertias[1].mass == 5
+    assert loopid.load(arm, **heavy.options).model.inertias[1].mass == 5
 
 
 def test_a_yaml_gives_arguments_and_the_caller_has_the_last_word(arm):

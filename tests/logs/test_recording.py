@@ -289,6 +289,29 @@ def test_motors_that_move_in_turns_are_not_frozen(rate, step):
         assert without_frozen(log) is log
 
 
+def test_a_motor_that_stands_where_another_log_begins_is_not_frozen(knee):
+    """Two motors start and stop smoothly, and the same motion follows from where it began."""
+    s = np.linspace(0, 1, 1500)
+    eased = np.clip((s - 0.1) / 0.8, 0, 1)  # stands for 150 samples at either end
+    eased = eased**3 * (10 - 15 * eased + 6 * eased**2)
+    swings = 0.6 + 0.05 * np.sin(20 * s)
+    position = np.stack([0.5 + 0.1 * eased, 0.6 - 0.1 * eased, swings, swings], axis=1)
+    twice = np.concatenate([position, position])
+    time = np.arange(len(twice)) / 100
+    both = Log.from_arrays(time, twice, twice, knee.actuated)
+    assert without_frozen(both) is both
+    with pytest.warns(DataWarning, match="jumps at 15 s: what follows is a segment apart"):
+        assert {*apart_at_jumps(both).segments} == {0, 1}
+
+
+def test_encoders_that_freeze_all_at_once_are_left_out(log):
+    position, gap = log.position.copy(), slice(300, 400)
+    position[gap] = position[300]
+    with pytest.warns(DataWarning, match="is frozen"):
+        found = without_frozen(altered(log, position=position))
+    assert not np.isin(log.time[301:399], found.time).any()
+
+
 def test_effort_limits_saturate_unless_a_tenth_of_the_forces_exceeds_them(knee, log, truth):
     limits = knee.model.upperEffortLimit[knee.velocity_indices(knee.actuated)]
     force = truth.force.copy()

@@ -162,7 +162,7 @@ def test_each_joint_may_have_terms_of_its_own(moving, motion):
 
 @pytest.mark.parametrize(
     ("choice", "kinds"),
-    [("none", None), ("file", None), ("Fc", ("Fc",)), (" Ks , file", ("Ks",)), ("", None)],
+    [("none", None), ("file", None), ("Fc", ("Fc",)), (" Ks , file", ("Ks",))],
 )
 def test_choices_of_terms_are_words(knee, choice, kinds):
     terms = JointTerms.of(knee, choice)
@@ -251,3 +251,15 @@ def test_friction_near_standstill_is_told_from_coulomb_friction(load_once):
     terms = JointTerms.of(robot, "Fc,Fv,Fs~0.001,Fc~0.002; passive: Fc,Fs~1e-4")
     found = find_base(structural_observation(robot, joint_terms=terms))
     assert set(terms.parameters(robot).labels) <= set(found.names)
+
+
+@pytest.mark.parametrize("text", ["", " ", " ; ,"])
+def test_a_choice_without_a_word_is_refused(load_once, text):
+    """As of a variable of a shell that is not set."""
+    robot = load_once("five_bar")
+    assert JointTerms.of(robot, JointTerms(()).choice(robot)) is None
+    for use in (JointTerms.of, lambda *given: loopid.force_model(given[0], "gravity", given[1])):
+        with pytest.raises(OptionError, match=r"^terms must be kinds .*'none', not '"):
+            use(robot, text)
+    with pytest.raises(OptionError, match="terms must be kinds"):
+        loopid.FitOptions(terms=text)

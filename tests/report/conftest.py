@@ -10,5 +10,5 @@ from made_runs import quietly
 def designed(load_once, once):
     """A motion of the five-bar, after few evaluations."""
     options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
-    model = loopid.force_model(load_once("five_bar"), terms=None)
+    model = loopid.force_model(load_once("five_bar"), joint_terms=None)
     return once("designed", lambda: quietly(loopid.design_motion, model, options=options))

@@ -264,7 +264,7 @@ def test_friction_is_drawn_with_what_it_explains(study, report):
 
 
 def test_a_robot_without_friction_has_no_picture_of_it(load_once):
-    model = loopid.force_model(load_once("four_bar"), terms=None)
+    model = loopid.force_model(load_once("four_bar"), joint_terms=None)
     run = modelled(model, wander(model.robot, 1), model.prior, noise=0.01)
     assert friction_chart(quietly(identify, model, [run])).panels == ()
 

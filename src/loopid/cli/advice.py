@@ -88,7 +88,7 @@ def command_with(
 
     bundled = robot.path is not None and robot.path.parent == bundled_directory()
     said = ["loopid", command, robot.name if bundled else robot.source, *words]
-    for name, value in (options | (dict(robot.loaded_with) if loaded else {})).items():
+    for name, value in (options | (dict(robot.options) if loaded else {})).items():
         option = f"--{name.replace('_', '-')}"
         if isinstance(value, dict):
             value = [f"{key}:={given}" for key, given in value.items()]

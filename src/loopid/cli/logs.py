@@ -77,9 +77,9 @@ def identify(
     ),
     cutoff: float | None = CUTOFF,
     fraction: float | None = Option(
-        None, help="Part of each log that is fitted; the rest validates."
+        None, "--train", help="Part of each log that is fitted; the rest validates."
     ),
-    validation: list[str] | None = Option(None, metavar="LOG", help="Judge on this log instead."),
+    validate: list[str] | None = Option(None, metavar="LOG", help="Validate on this log instead."),
     start: float = Option(
         0.0, "--from", metavar="S", help="Use each LOG from here on, in s from its start."
     ),
@@ -110,15 +110,15 @@ def identify(
         n_jobs=n_jobs,
     )
     options.require_terms(robot)
-    answer.require(robot.path, *(mapping or ()), *logs, *(validation or ()))
+    answer.require(robot.path, *(mapping or ()), *logs, *(validate or ()))
     of_logs, *others = mapping_of_each(
-        mapping, logs=logs, validation=validation, reference=reference, friction_log=friction_log
+        mapping, logs=logs, validate=validate, reference=reference, friction_log=friction_log
     )
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
     loaded, robot = robot, locked_as_logged(robot, logs[0], mapping=of_logs[0])
     runs = recordings(robot, logs, of_logs, cutoff, rows)
-    judging = recordings(robot, validation, others[0], cutoff)
+    judging = recordings(robot, validate, others[0], cutoff)
     commanded = recordings(robot, reference, others[1], cutoff, forces=False)
     friction = recordings(robot, friction_log, others[2], cutoff)
     found = identified(

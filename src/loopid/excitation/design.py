@@ -214,7 +214,7 @@ def design_motion(
     Examples
     --------
     >>> import loopid
-    >>> model = loopid.force_model(loopid.load("parallelogram"), terms=None)
+    >>> model = loopid.force_model(loopid.load("parallelogram"), joint_terms=None)
     >>> options = loopid.DesignOptions(duration=6.0, starts=1, evaluations=10)
     >>> loopid.design_motion(model, options=options).violations
     0

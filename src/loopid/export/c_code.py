@@ -91,7 +91,7 @@ def c_source(
     Examples
     --------
     >>> import loopid, tempfile
-    >>> model = loopid.force_model(loopid.load("five_bar"), terms=None)
+    >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     [path.name for path in loopid.export.c_source(model).save(folder)]
     ['five_bar.h', 'five_bar.c', 'five_bar.casadi']

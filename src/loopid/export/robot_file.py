@@ -134,7 +134,7 @@ def export_robot_file(
         robot, standard_parameters, parameters=parameters, use=use, name=place.name
     )
     # What has no place in these files; all else of ``load`` is in them.
-    asked = {name: robot.loaded_with.get(name) for name in (*({} if given else KEPT), *ASKED)}
+    asked = {name: robot.options.get(name) for name in (*({} if given else KEPT), *ASKED)}
     if some := {name: value for name, value in asked.items() if value}:
         words = (f"{name}={list(x) if isinstance(x, tuple) else x}" for name, x in some.items())
         warn(
@@ -156,7 +156,7 @@ def _require_editable(tree: Path) -> None:
 
 def _given_in_python(robot: Robot, files: RobotFiles, tree: str) -> str:
     """The YAML of a robot whose file has less than ``load`` was given; empty where it has all."""
-    options = robot.loaded_with
+    options = robot.options
     more = [options.get(name) for name in ("closures", "motors", "reference")]
     if not any(more):
         return ""

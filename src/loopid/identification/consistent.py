@@ -133,7 +133,7 @@ def consistent_fit(
     --------
     >>> import loopid, numpy as np
     >>> robot = loopid.load("five_bar")
-    >>> model = loopid.force_model(robot, terms=None)
+    >>> model = loopid.force_model(robot, joint_terms=None)
     >>> q, at_rest = loopid.random_configurations(robot, 50), np.zeros((50, 2))
     >>> W = model.base.regressor(model.standard_regressor(q, at_rest, at_rest))
     >>> force = 1.2 * W @ model.prior + 0.01 * np.random.default_rng(0).normal(size=(50, 2))

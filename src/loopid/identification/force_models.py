@@ -513,7 +513,7 @@ class ForceModel:
 def force_model(
     robot: Robot,
     model: str = "gravity",
-    terms: JointTerms | str | None = AUTOMATIC,
+    joint_terms: JointTerms | str | None = AUTOMATIC,
     *,
     search: str | SearchStrategy = "exact",
     seed: int = 0,
@@ -526,7 +526,7 @@ def force_model(
     robot : Robot
     model : str
         ``"gravity"`` for slow motion, or ``"full"``.
-    terms : JointTerms or str, optional
+    joint_terms : JointTerms or str, optional
         Friction, drive inertias, springs and offsets to be identified with the bodies, or a choice
         as of ``JointTerms.of``; None for none. By default ``"auto"``: of the motors Coulomb and
         viscous friction, offsets and, in a full model, rotor inertia; what the robot file gives;
@@ -554,8 +554,9 @@ def force_model(
     ForceModel(five_bar, full: 9 base parameters of bodies, 8 of joint terms)
     """
     model_kinds(model)  # refuses an unknown one
-    chosen = chosen_terms(robot, model, terms) if isinstance(terms, str) else (terms, False)
-    joint_terms, automatic = chosen
+    automatic = False
+    if isinstance(joint_terms, str):
+        joint_terms, automatic = chosen_terms(robot, model, joint_terms)
     warn_of_omitted(robot, joint_terms)
     plain, others = parted(joint_terms)
     observation = structural_observation(

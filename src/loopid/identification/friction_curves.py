@@ -227,6 +227,13 @@ def friction_doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatAr
     return np.sqrt(variance)
 
 
+def breakaway(fit: Estimates, joint: str) -> float:
+    """What friction of a joint holds at most next to standstill, either way, without loads."""
+    rates = np.finfo(float).tiny * np.array([-1.0, 1.0])
+    columns = friction_columns(fit, joint)
+    return float(np.abs(_laws(fit, joint, rates) @ fit.values[columns]).max()) if columns else 0.0
+
+
 def _between(laws: Sequence[JointTerm], speeds: FloatArray) -> FloatArray:
     """Prior variance (k,) of a curve's departure from what its points make of it."""
     at, prior = np.array([law.at for law in laws]), laws[0].prior
@@ -248,6 +255,11 @@ def friction_columns(fit: Estimates, joint: str) -> list[int]:
     """Columns of a joint's terms that depend on the rate alone."""
     names = enumerate(fit.parameters)
     return [j for j, name in names if name.link == joint and of_friction(name.kind)]
+
+
+def load_columns(fit: Estimates, joint: str) -> list[int]:
+    """Columns of the friction of a joint's gear, which grows with its load."""
+    return [j for j, name in enumerate(fit.parameters) if (name.link, name.kind) == (joint, "Ft")]
 
 
 def of_friction(kind: str) -> bool:

@@ -15,6 +15,7 @@ from loopid.identification.friction import friction_findings
 from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.outcome import ALL, FRACTION, Outcome
 from loopid.identification.selection import Reduction, eliminate, judge_essential
+from loopid.identification.terms import taken_for_offsets
 from loopid.identification.verdict import Verdict, findings_of, insignificant
 from loopid.logs.recording import Recording
 from loopid.numbers import root
@@ -145,8 +146,10 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
     fit, excited, cutoff = found.fit, found.identifiability, found.training[0].cutoff
     runs = (*found.training, *found.validation)
     filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
-    terms, _ = parted(found.force_model.joint_terms)
-    choice = NO_TERMS if terms is None else terms.choice(found.force_model.robot)
+    model = found.force_model
+    terms, _ = parted(model.joint_terms)
+    choice = NO_TERMS if terms is None else terms.choice(model.robot)
+    taken = [f"{name} from {other}" for name, other in taken_for_offsets(model, found.data).items()]
     unclear = insignificant(fit)
     idle = [float(1 - run.used.mean(axis=0).min()) for run in runs]
     notes = [
@@ -156,7 +159,10 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
             "the condition number of the weighted regressor is "
             f"{found[ALL].fit.condition_number:.4g}",
         ),
-        (f"the joint terms are {choice}", ""),
+        (
+            f"the joint terms are {choice}",
+            f"the data hardly tell {first_of(taken, NAMED)}: what is left has both" * bool(taken),
+        ),
     ]
     if unclear:
         title = f"{counted(len(unclear), 'value')} may as well be zero"

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
-from math import hypot, inf, log, pi, sqrt
+from math import comb, hypot, inf, log, pi, sqrt
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -423,18 +423,20 @@ def _as_heavy(model: Evidence, found: Explanation, one: Tried) -> Tried:
 def _closely(
     model: Evidence, found: Explanation, tried: Sequence[tuple[Tried, float]]
 ) -> list[_Find]:
-    """Faults rescored on all samples, and the cost of choosing a size and a motor."""
+    """Faults rescored on all samples, and the cost of choosing a kind, motors and a size."""
     after, finds = model.explained(_undone(found, [one for one, _ in tried])), list[_Find]()
     for ((name, motors, size), deviation), explained in zip(tried, after, strict=True):
-        kind, lost, reach = KINDS[name], 0.0, NORMAL_95 * deviation * abs(size)
+        kind, reach = KINDS[name], NORMAL_95 * deviation * abs(size)
+        # Each kind is as likely beforehand as any other, of whichever motors [Scott2006].
+        chosen, lost = log(len(KINDS) * comb(len(model.present), kind.motors)), 0.0
         if kind.sizes:
             # How much of what was possible beforehand still is: any sign, as large as any other.
             possible = len(kind.signs) * log(kind.sizes[-1] / kind.sizes[0])
             lost = max(log(possible / max(sqrt(2 * pi) * deviation, 1e-6)), 0)
             if kind.cause(size, reach):
                 lost = min(lost, log(len(kind.causes)))
-            lost += log(len(model.present)) if kind.motors == 1 else 0.0
-        finds.append(_Find(name, motors, explained, explained.evidence - lost, size, reach))
+        evidence = explained.evidence - chosen - lost
+        finds.append(_Find(name, motors, explained, evidence, size, reach))
     return finds
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import inf
+from math import inf, log
 
 import numpy as np
 
 from loopid.arguments import FloatArray
-from loopid.findings import Finding
+from loopid.findings import EVIDENCE, Finding
 from loopid.identification.delay import directions
 from loopid.identification.evidence import LEAST_SAMPLES, MODEL_ERROR, TINY
 from loopid.logs.log import Log
@@ -59,10 +59,11 @@ def late_by_seconds(robot: Robot, recordings: Sequence[Recording]) -> Finding | 
 
     At each shift the forces of each motor are explained. The bodies of the robot file, as a whole,
     its friction, inertia and an offset do that. One shift explains the forces of all motors best.
-    It counts where it explains them clearly better than any that a delay has.
+    It counts where it explains them clearly better than any that a delay has, by samples that are
+    many enough: of few independent ones, some shift explains all.
     """
     one = max(recordings, key=len)
-    lags, errors = _errors_by_lag(robot, one)
+    lags, errors, freedom = _errors_by_lag(robot, one)
     near = np.abs(lags) <= DELAY
     if near.all() or not near.any():
         return None
@@ -82,6 +83,9 @@ def late_by_seconds(robot: Robot, recordings: Sequence[Recording]) -> Finding | 
     left = 1 - abs(lag) / float(np.ptp(one.motion.time))
     if least > min(LATE * left * usual, LEFT):
         return None
+    # The logarithm of the likelihood ratio of normal errors, beside how many shifts were tried.
+    if freedom[best] * log(usual / max(errors[best], TINY)) < EVIDENCE + log(len(lags)):
+        return None
     how, key = ("late", f"{lag:.2g}") if lag > 0 else ("early", f"{lag:.2g}")
     return Finding(
         "mistake",
@@ -98,8 +102,11 @@ def _between(errors: FloatArray, shift: int) -> tuple[float, float, float]:
     return here, (after - before) / 2, (after + before) / 2 - here
 
 
-def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """Shifts (L,) in s, and what is left of the forces at each, in parts of what varies in them."""
+def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Shifts (L,) in s, and what is left of the forces at each, in parts of what varies in them.
+
+    And the independent samples of all motors (L,), beyond those that parameters cost.
+    """
     motion, force = recording.motion, recording.motor_force
     steps = np.diff(motion.time)
     step = float(np.median(steps)) if len(steps) else 1.0
@@ -110,7 +117,7 @@ def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, Floa
     lags, length = np.arange(-most, most + 1), 1 << (2 * count - 1).bit_length()
     bodies = motion_regressor(robot, motion.closed(robot, part)) @ robot.standard_parameters("full")
     own = directions(recording)[part], motion.velocities[part], motion.accelerations[part]
-    total = np.zeros(len(lags))
+    total, independent = np.zeros((2, len(lags)))
     # Samples that are no more than one, of signals in twice the band of the motion: a parameter
     # costs as many.
     alike = max(1.0, PROVISIONAL / (4 * step * (recording.cutoff or inf)))
@@ -134,6 +141,7 @@ def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, Floa
         g = np.stack([at_lags(y, X[:, i]) for i in range(n)], axis=1)
         squares, samples = at_lags(y**2, used), at_lags(all_rows, used)
         freedom = 1 - alike * n / np.maximum(samples, 1.0)
+        independent += np.maximum(samples / alike - n, 0.0)
         # Of what varies: a robot that stands still is explained by an offset.
         varying = squares - at_lags(y, used) ** 2 / np.maximum(samples, 1.0)
         H += RIDGE * np.maximum(samples, 1.0)[:, None, None] * np.eye(n)
@@ -142,4 +150,4 @@ def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, Floa
         error = np.maximum(left, 0.0) / (least * np.maximum(freedom, RIDGE))
         error[freedom <= 0] = 1.0  # nothing is explained by as many parameters
         total += np.log(error + MODEL_ERROR**2)
-    return np.multiply(lags, step), np.exp(total / max(2 * len(motors), 1))
+    return np.multiply(lags, step), np.exp(total / max(2 * len(motors), 1)), independent

@@ -10,8 +10,13 @@ from loopid.arguments import BoolArray, FloatArray, checked, finite, variances
 from loopid.errors import DataError
 from loopid.files import csv_text
 from loopid.identification.estimates import Estimates
-from loopid.identification.friction_curves import friction_columns, friction_doubt
-from loopid.identification.problem import FitSamples
+from loopid.identification.friction_curves import (
+    DOUBT,
+    breakaway,
+    friction_columns,
+    friction_doubt,
+    load_columns,
+)
 from loopid.identification.quality import Quality
 from loopid.logs.preparing import at_cutoff, highest_cutoff
 from loopid.logs.recording import Recording, require_robot
@@ -30,8 +35,8 @@ class Prediction(Tabular):
     predicted : FloatArray
         (N, dof) in N or N m.
     reach : FloatArray or None
-        (N, dof), half the width of the band that holds 95 % of new forces; None where the fit knows
-        no errors.
+        (N, dof), half the width of the band that holds 95 % of new forces, also while motors stand;
+        None where the fit knows no errors.
 
     Examples
     --------
@@ -113,20 +118,35 @@ def predicted(fit: Estimates, recording: Recording) -> Prediction:
     if fit.cutoff is not None and recording.log is not None:
         cutoff = min(fit.cutoff, highest_cutoff(recording.log))  # a slower log has a narrower band
         (recording,) = at_cutoff(model.robot, [recording], cutoff)
-    samples, reach = model.samples(recording), None
-    if fit.unseen_rms is not None:
-        errors = np.nan_to_num(fit.unseen_rms) ** 2 + _friction_doubt(fit, recording, samples)
-        reach = prediction_reach(samples.regressor, fit.covariance, np.sqrt(errors))
+    samples = model.samples(recording)
+    reach = reach_of(fit, recording, samples.regressor)
     return Prediction(recording, samples.predicted(fit.values), reach)
 
 
-def _friction_doubt(fit: Estimates, recording: Recording, samples: FitSamples) -> FloatArray:
-    """Variances (N, dof) of friction of motors slower or faster than in the data of a fit."""
+def reach_of(fit: Estimates, recording: Recording, regressor: FloatArray) -> FloatArray | None:
+    """Half the width (N, dof) of the band of a fit; None where it knows no errors."""
+    if fit.unseen_rms is None:
+        return None
+    errors = np.nan_to_num(fit.unseen_rms) ** 2 + _friction_doubt(fit, recording, regressor)
+    return prediction_reach(regressor, fit.covariance, np.sqrt(errors))
+
+
+def _friction_doubt(fit: Estimates, recording: Recording, regressor: FloatArray) -> FloatArray:
+    """Mean squares (N, dof) of friction that a fit does not know.
+
+    Of motors that are slower or faster than in its data. And of those that stand or turn back,
+    whose friction is anything up to breakaway, either way, whatever is predicted.
+    """
+    loads, resting = np.abs(fit.require_model().loads(regressor)), recording.resting
     found = np.zeros(recording.force.shape)
     for k, motor in enumerate(recording.actuators):
-        columns = friction_columns(fit, motor)
-        size = np.abs(samples.regressor[:, k, columns] @ fit.values[columns])
+        columns, gear = friction_columns(fit, motor), load_columns(fit, motor)
+        size = np.abs(regressor[:, k, columns] @ fit.values[columns])
         found[:, k] = friction_doubt(fit, motor, recording.motion.velocities[:, k], size) ** 2
+        size = size + np.abs(regressor[:, k, gear] @ fit.values[gear])
+        most = breakaway(fit, motor) + loads[:, k] * fit.values[gear].sum()
+        even = 1 / 3 + DOUBT**2  # mean square of what is anything up to 1, which is in doubt
+        found[:, k] += resting[:, k] ** 2 * (most**2 * even + size**2)
     return found
 
 

@@ -128,7 +128,7 @@ class Fit(Estimates):
         Examples
         --------
         >>> import loopid
-        >>> model = loopid.force_model(loopid.load("five_bar"), terms=None)
+        >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
         >>> fit = loopid.Fit.of(model, 2 * model.prior)  # twice the bodies of the robot file
         >>> round(fit["left_crank.mx + 2 more"].value, 3)
         0.999
@@ -249,7 +249,7 @@ class Fit(Estimates):
         Examples
         --------
         >>> import loopid, tempfile
-        >>> model = loopid.force_model(loopid.load("five_bar"), terms=None)
+        >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
         >>> fit = loopid.Fit.of(model, model.prior)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     fit.save(f"{folder}/fit.json").name
@@ -393,7 +393,7 @@ def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
     Examples
     --------
     >>> import loopid, tempfile
-    >>> model = loopid.force_model(loopid.load("five_bar"), terms=None)
+    >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = loopid.Fit.of(model, 1.1 * model.prior).save(f"{folder}/fit.yaml")
     ...     fit = loopid.load_fit(path)

@@ -72,7 +72,7 @@ class FitFile:
                 "name": robot.name,
                 "path": _place(robot),
                 "files": _hashes(robot),
-                "options": robot.loaded_with,
+                "options": robot.options,
                 "coordinates": robot.coordinates,
             },
             # Forces are along the coordinates named by the rows.

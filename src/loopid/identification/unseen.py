@@ -13,7 +13,7 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.candidate import Candidate
-from loopid.identification.friction_curves import friction_columns, friction_curve
+from loopid.identification.friction_curves import breakaway, friction_columns, load_columns
 from loopid.identification.leaving_out import segments_of
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
@@ -23,7 +23,6 @@ from loopid.records import record
 
 SLOW = 10.0  # percentile of the rates of a motor's samples that are slow
 LEAST_SAMPLES = 10  # that errors are worth looking at
-STANDING = 1e-3  # of its fastest rate, next to a standstill: friction there is breakaway
 # A short time stands out that holds so much of a motor's squared error in so few of its
 # samples, and errs by so much of its force. Errors of a model that is wrong all along come back:
 # half of them take a tenth of the samples at least.
@@ -155,14 +154,10 @@ def _standing(fit: Fit, new: FitSamples, rates: FloatArray) -> tuple[FloatArray,
     left, loads = new.residual(fit.values), np.abs(fit.require_model().loads(new.regressor))
     standing = ~new.used & (rates <= IDLE * np.percentile(rates, 99, axis=0))
     for k, motor in enumerate(new.actuators):
-        own = [j for j, p in enumerate(fit.parameters) if (p.link, p.kind) == (motor, "Ft")]
-        columns = friction_columns(fit, motor)
-        most = loads[:, k] * fit.values[own].sum()
-        if columns:
-            slow = STANDING * max(float(rates[:, k].max()), np.finfo(float).tiny)
-            curve = friction_curve(fit, motor, np.array([-slow, slow]))
-            most = most + np.abs(curve.values).max()
-        friction = new.regressor[:, k, columns + own] @ fit.values[columns + own]
+        own = load_columns(fit, motor)
+        columns = friction_columns(fit, motor) + own
+        most = breakaway(fit, motor) + loads[:, k] * fit.values[own].sum()
+        friction = new.regressor[:, k, columns] @ fit.values[columns]
         held = left[:, k] + friction
         most = np.maximum(most, _carried(held, standing[:, k] * (1 + new.runs)))
         left[:, k] = np.maximum(np.abs(held) - most, 0.0)

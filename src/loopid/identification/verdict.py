@@ -9,7 +9,12 @@ import numpy as np
 from loopid.errors import first_of
 from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
-from loopid.identification.friction_curves import friction_at_ends, frictional_joints
+from loopid.identification.friction_curves import (
+    breakaway,
+    friction_at_ends,
+    friction_doubt,
+    frictional_joints,
+)
 from loopid.identification.leaving_out import single_moves, whole_logs
 from loopid.identification.missing import WAVES, missing_findings
 from loopid.identification.outcome import ALL, ROUGH, Outcome
@@ -74,6 +79,9 @@ class Verdict:
     slowest : float
         Part of its fastest rate in the logs from which on friction of every motor is known; 0
         without friction.
+    slow_error : float
+        What errors may be at slower rates, in parts of the force of the motor where it is most, in
+        the root mean square; 0 without friction.
     reached : str
         Fastest rates and largest accelerations of the motors in the logs, from the least to the
         most: 99 of 100 samples have less. Beyond, nothing was seen.
@@ -92,6 +100,7 @@ class Verdict:
     mistake: Finding | None = None
     where: str = "whole"
     slowest: float = 0.0
+    slow_error: float = 0.0
     reached: str = ""
 
     @classmethod
@@ -117,6 +126,7 @@ class Verdict:
             mistake,
             where,
             _slowest(found.fit),
+            _slow_error(found),
             _reached(found),
         )
 
@@ -163,8 +173,11 @@ class Verdict:
     def _speeds(self) -> str:
         """Speeds and accelerations that were seen, and at which friction is unknown."""
         seen = f" Motors reached {self.reached}." * bool(self.reached)
-        part = number(100 * self.slowest, 1)
-        slow = f" Friction below {part} % of a motor's top speed is unknown."
+        part, error = number(100 * self.slowest, 1), number(100 * self.slow_error, 2)
+        slow = (
+            f" Friction below {part} % of a motor's top speed is unknown: errors may be {error} % "
+            "there while it moves."
+        )
         return seen + slow * bool(self.slowest)
 
 
@@ -185,6 +198,20 @@ def _slowest(fit: Fit) -> float:
     """
     ends = (fit.rates_of(joint) for joint in frictional_joints(fit))
     return max((slowest / fastest for slowest, fastest in filter(None, ends)), default=0.0)
+
+
+def _slow_error(found: Outcome) -> float:
+    """Error of a motor next to standstill, where it may be most, in parts of its force.
+
+    What new data show, and what friction may do below the rates of the logs, as in predictions.
+    """
+    fit, shares, rest = found.fit, [0.0], np.zeros(1)
+    for k, joint in enumerate(found.new.actuators):
+        most = breakaway(fit, joint)
+        if most and fit.unseen_rms is not None and found.unseen.force[k]:
+            doubt = friction_doubt(fit, joint, rest, np.array([most]))[0]
+            shares.append(float(np.hypot(fit.unseen_rms[k], doubt) / found.unseen.force[k]))
+    return float(np.nanmax(shares))
 
 
 def _reached(found: Outcome) -> str:

@@ -63,7 +63,7 @@ def build_robot(
             motors_listed=isinstance(given.name_mot, list),
             motors_known=description.name_mot is not None,
             tied=tied,
-            loaded_with=options or {},
+            options=options or {},
         )
         drawn = replace(drawn, joint_values=_joint_values(drawn, source.model, tree, description))
     # Without motors that are known, no joint of the reference is held fixed.

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -274,14 +274,25 @@ def without_frozen(log: Log) -> Log:
 
 @derived
 def _frozen_samples(log: Log) -> BoolArray:
-    """Where positions (N, m) are frozen."""
-    parts, motors = log.parts(), range(len(log.joints))
-    found = [[_frozen(log.position[part], k) for k in motors] for part in parts]
+    """Where positions (N, m) are frozen.
+
+    Where several motors jump at once, either all encoders were frozen, or another log begins: a
+    motor that stood there slowed down before.
+    """
+    motors, seams = range(len(log.joints)), _jumps(log).sum(axis=1) > 1
+    begins = np.flatnonzero(np.append(True, np.diff(log.segments) > 0) | seams)
+    found = []
+    for start, end in pairwise((*begins.tolist(), len(log))):
+        ends = bool(seams[start]), end < len(log) and bool(seams[end])
+        found += [[_frozen(log.position[start:end], k, ends) for k in motors]]
     return np.concatenate([np.stack(own, axis=1) for own in found])
 
 
-def _frozen(positions: FloatArray, k: int) -> BoolArray:
-    """Samples (N,) of a segment (N, m) in which motor k rests without slowing down before."""
+def _frozen(positions: FloatArray, k: int, seams: tuple[bool, bool]) -> BoolArray:
+    """Samples (N,) of a segment (N, m) in which motor k rests without slowing down before.
+
+    ``seams`` says where all motors jump, before the first sample or after the last one.
+    """
     position, flags = positions[:, k], np.zeros(len(positions), dtype=bool)
     steps = np.abs(np.diff(position))
     bounds = np.flatnonzero(np.diff(np.r_[0, (steps == 0).view(np.int8), 0]))
@@ -302,6 +313,7 @@ def _frozen(positions: FloatArray, k: int) -> BoolArray:
         jumps = max(steps[max(a - 1, 0)], steps[min(b, len(steps) - 1)]) > far
         usual = max(before[max(a - 1, 0)], after[min(b + 2 * count + 1, len(after) - 1)], least)
         if jumps or change[a + count] > ABRUPT * usual:
+            jumps |= (a == 0 and seams[0]) or (b == len(steps) and seams[1])
             flags[a : b + 1] = jumps or (np.ptp(positions[a : b + 1], axis=0) > much).any()
     return flags
 

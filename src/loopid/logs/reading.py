@@ -251,10 +251,10 @@ def locked_as_logged(
     if not (found or lacking):
         return robot
     lock = [
-        each for each in robot.loaded_with["lock"] if (each.rpartition("=")[0] or each) not in found
+        each for each in robot.options["lock"] if (each.rpartition("=")[0] or each) not in found
     ]
     lock += [f"{joint}={value:.6g}" for joint, value in found.items()]
-    return load(robot.path, **{**robot.loaded_with, "lock": [*lock, *lacking]})
+    return load(robot.path, **{**robot.options, "lock": [*lock, *lacking]})
 
 
 def _lacking(robot: Robot, finder: ColumnFinder) -> list[str]:

@@ -25,7 +25,7 @@ def motion_chart(found: ExcitationDesign) -> Chart:
     Examples
     --------
     >>> import loopid
-    >>> model = loopid.force_model(loopid.load("parallelogram"), terms=None)
+    >>> model = loopid.force_model(loopid.load("parallelogram"), joint_terms=None)
     >>> options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
     >>> found = loopid.design_motion(model, options=options)
     >>> [panel.title for panel in loopid.plots.motion_chart(found).panels]
@@ -63,7 +63,7 @@ def errors_chart(found: ExcitationDesign) -> Chart:
     Examples
     --------
     >>> import loopid
-    >>> model = loopid.force_model(loopid.load("parallelogram"), terms=None)
+    >>> model = loopid.force_model(loopid.load("parallelogram"), joint_terms=None)
     >>> options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
     >>> found = loopid.design_motion(model, options=options)
     >>> loopid.plots.errors_chart(found).panels[0].labels

@@ -185,7 +185,7 @@ class JointTerms:
         for joint, own in kinds.items():
             more = [kind for kind in own if kind not in (others if joint in passive else motors)]
             clauses += [f"{joint}: {','.join(more)}"] if more else []
-        return "; ".join(clauses)
+        return "; ".join(clauses) or NO_TERMS
 
     @property
     def _own_kinds(self) -> Sequence[tuple[str, ...]]:
@@ -339,6 +339,11 @@ def _words(robot: Robot, choice: str) -> Iterator[tuple[tuple[str, ...] | None, 
 
 def _parts(choice: str) -> Iterator[tuple[str | None, list[str]]]:
     """What names the joints, None where nothing does, and the words of each part of a choice."""
+    if not choice.strip(" ,;"):
+        raise OptionError(
+            f"terms must be kinds of joint terms, or {NO_TERMS!r}, not {choice!r}",
+            given=choice,
+        )
     for clause in choice.split(";"):
         pattern, named, listed = clause.rpartition(":")
         words = [word.strip() for word in listed.split(",") if word.strip()]
@@ -418,7 +423,7 @@ def warn_of_omitted(robot: Robot, terms: JointTerms | None) -> None:
     if not omitted:
         return
     listed = "; ".join(f"{what} of {shortened(joints)}" for what, joints in omitted.items())
-    said = [] if terms is None else [terms.choice(robot)]
+    said = [terms.choice(robot)] if terms is not None and chosen else []
     words = ("; " if ":" in "".join(said) else ",").join([*said, OF_FILE])
     warn(
         f'{robot.source} gives {listed}, which this model leaves out: terms="{words}" includes it',

@@ -41,7 +41,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
     Examples
     --------
     >>> import loopid
-    >>> model = loopid.force_model(loopid.load("parallelogram"), terms=None)
+    >>> model = loopid.force_model(loopid.load("parallelogram"), joint_terms=None)
     >>> options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
     >>> found = loopid.design_motion(model, options=options)
     >>> loopid.report.excitation_report(found).title

@@ -14,7 +14,7 @@ from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
 from loopid.identification.outcome import ROUGH
 from loopid.identification.plausibility import require_sane
-from loopid.identification.prediction import Prediction, prediction_reach
+from loopid.identification.prediction import Prediction, reach_of
 from loopid.identification.result import RECOMMENDED
 from loopid.identification.saved import as_file
 from loopid.identification.unseen import WHERE
@@ -188,7 +188,7 @@ def _forces(found: Identification, motors: tuple[str, ...], worst: str) -> Itera
         rows = slice(first, first + len(run))
         own, file = (each.predicted[rows] for each in (found.recommended, found.baseline))
         W, first = found.new.regressor[rows], rows.stop
-        new = Prediction(run, own, prediction_reach(W, fit.covariance, fit.unseen_rms))
+        new = Prediction(run, own, reach_of(fit, run, W))
         name = "forces" if not k else f"forces_{k + 1}"
         yield forces_chart(robot, new, motors=motors, file=file, worst=worst, name=name)
 

@@ -200,7 +200,7 @@ class Robot:
         Joints that are locked, with the value of those that have one coordinate.
     undeclared : tuple of UndeclaredLoops
         Loops that the file shows but does not declare.
-    loaded_with : mapping
+    options : mapping
         Arguments of ``load`` beside the path, to load the same robot again.
 
     Examples
@@ -235,7 +235,7 @@ class Robot:
     left_out: tuple[LeftOut, ...] = ()
     undeclared: tuple[UndeclaredLoops, ...] = ()
     locked: Mapping[str, float | None] = field(default_factory=dict)
-    loaded_with: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in {*self.actuated}:
