@@ -272,7 +272,7 @@ def _point(name: str, law: Callable[[JointState, float], Any], prior: PriorGroup
 
 
 class JointTermRegistry(Registry[JointTerm]):
-    """Joint terms by their kinds; ``found`` are those with a number, such as ``"Ks@0.2"``."""
+    """Joint terms by their kinds; ``found`` are those asked for, such as ``"Ks@0.2"``."""
 
     found: dict[str, JointTerm]
 
@@ -434,6 +434,7 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
         raise OptionError.unknown("joint term", kind, (*JOINT_TERMS, *others))
     term = JOINT_TERMS[name]
     if not mark:
+        JOINT_TERMS.found[kind] = term
         return term
     try:
         at = float(number)

@@ -58,7 +58,7 @@ def comparison_report(files: dict[str, FitFile]) -> Report:
         title="Fits beside each other",
         under=", ".join(names),
         verdict=verdict,
-        record=record,
+        record=lambda: record,
         brief=[*([agreements] if len(pairs) > 1 else []), *map(panel_table, chart.panels)],
         card=_card(names, pairs, verdict),
         sections=lambda: [

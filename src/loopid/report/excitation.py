@@ -75,7 +75,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
         name="excitation",
         title=f"{model.robot.name}, {model.model} model, excitation",
         verdict=verdict,
-        record=excitation_record(found),
+        record=lambda: excitation_record(found),
         brief=[panel_table(chart.panels[0])],
         card=Card(
             tone="bad" if broken else "good" if excited == count else "rough",
@@ -95,7 +95,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
             Section("Expected accuracy", (chart, _noise(found))),
             Section("What it keeps", (kept, search)),
         ],
-        results=lambda: _motion_files(found),
+        results=lambda _: _motion_files(found),
     )
 
 

@@ -89,7 +89,7 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
             else "identify from this log, too.",
         ),
         pictures=lambda: (robot_chart(robot, worst=motor),),
-        record={"recordings": [*map(_prediction_record, predictions)]},
+        record=lambda: {"recordings": [*map(_prediction_record, predictions)]},
         brief=[table for _, table in shown.values()],
         sections=lambda: [
             Section(
@@ -97,7 +97,7 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
             )
             for name, (found, table) in shown.items()
         ],
-        results=lambda: {f"prediction_{name}.csv": f.csv() for name, (f, _) in shown.items()},
+        results=lambda _: {f"prediction_{name}.csv": f.csv() for name, (f, _) in shown.items()},
     )
 
 
@@ -194,7 +194,7 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
         name="payload",
         title=f"Payload on {found.link}",
         verdict=f"{verdict}; {clear} of {len(ends)} values are significant.",
-        record=record,
+        record=lambda: record,
         brief=[table, *(panel_table(chart.panels[0]) for chart in charts)],
         card=card,
         findings=() if apart is None else (apart,),
@@ -303,8 +303,10 @@ def gains_report(robot: Robot, found: GainFit) -> Report:
             figures=(Figure(span, "true force over logged force"),),
             next=step,
         ),
-        record=json_fields(found, "actuators", "gains", "undetermined")
-        | {"intervals_95_percent": json_value(ends)},
+        record=lambda: (
+            json_fields(found, "actuators", "gains", "undetermined")
+            | {"intervals_95_percent": json_value(ends)}
+        ),
         brief=[panel_table(panel)],
         pictures=lambda: (robot_chart(robot),),
         sections=lambda: [Section("Gains by motor", (chart,))],
