@@ -101,7 +101,7 @@ def test_rows_are_called_as_the_columns_of_the_result(load_once):
 def test_page_terminal_and_json_say_the_same(knee, papers_choice):
     base = papers_choice
     report = base_report(knee, "gravity", base)
-    told, account = report.record["search"]["subgroups"], base.search.subgroups
+    told, account = report.data["search"]["subgroups"], base.search.subgroups
     page = report.page().html()
     for text in (f"{account.tried:,} of 155,117,520", "12 of n* = 19 rows (alpha 0.25)"):
         assert text in page

@@ -99,16 +99,18 @@ def test_known_deviations_leave_a_term_out_of_its_group(waves):
 def test_a_step_within_limits_is_the_best_one(seed):
     generator = np.random.default_rng(seed)
     J, e, g = (generator.normal(size=size) for size in ((6, 8), 6, 8))
-    rows, least = generator.normal(size=(12, 8)), -0.1 * generator.random(12)
+    last = 8 - seed  # entries of z that are limited
+    rows, least = generator.normal(size=(12, last)), -0.1 * generator.random(12)
     step = _Step(10.0 * J, 10.0 * e, g)
     z = step.solution(rows, least)
 
     def value(z):
         return 0.5 * np.sum((step.e - step.J @ z) ** 2) + 0.5 * np.sum((g + z) ** 2)
 
-    limits = {"type": "ineq", "fun": lambda z: rows @ z - least, "jac": lambda z: rows}
+    slopes = np.pad(rows, ((0, 0), (seed, 0)))
+    limits = {"type": "ineq", "fun": lambda z: slopes @ z - least, "jac": lambda z: slopes}
     slope = lambda z: g + z - step.J.T @ (step.e - step.J @ z)  # noqa: E731
     other = minimize(value, np.zeros(8), jac=slope, constraints=[limits], tol=1e-12)
-    assert (rows @ z >= least - 1e-9).all()
+    assert (rows @ z[-last:] >= least - 1e-9).all()
     # SLSQP leaves the limits by some 1e-9, which lowers its value by 1e-8 of it.
     assert value(z) <= value(other.x) * (1 + 1e-7)

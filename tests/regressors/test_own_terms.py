@@ -24,6 +24,7 @@ def register():
     yield JOINT_TERMS.register
     JOINT_TERMS._entries.clear()
     JOINT_TERMS._entries.update(known)
+    JOINT_TERMS.found.clear()
 
 
 def gas(joint, _):
@@ -101,7 +102,7 @@ def test_a_spring_with_its_geometry_is_found_and_saved(register, load_once, tmp_
     np.testing.assert_allclose(found.values, truth, rtol=1e-6, atol=1e-7)
     path = loopid.Fit.of(model, found).save(tmp_path / "fit.yaml")
     assert load_fit(path, robot=robot).parameters == model.parameters
-    del JOINT_TERMS._entries["Gas"]
+    del JOINT_TERMS._entries["Gas"], JOINT_TERMS.found["Gas"]
     with pytest.raises(LoopidError, match="Gas"):
         load_fit(path)
 

@@ -25,7 +25,7 @@ def fits(study):
 
 def test_values_that_differ_clearly_are_named(fits):
     report = comparison_report(dict(zip(("a", "b"), fits, strict=True)))
-    rows = report.record["parameters"]
+    rows = report.data["parameters"]
     assert [row["name"] for row in rows] == list(fits[0].parameters.names)
     apart = np.array([row["apart"] for row in rows])
     np.testing.assert_allclose(apart[[3, 7]], [5.0, 2.0], rtol=1e-6)
@@ -50,14 +50,14 @@ def test_a_parameter_of_one_fit_alone_is_said_so(fits):
         }
     )
     report = comparison_report({"a": one, "b": less})
-    assert report.record["parameters"][-1]["values"][1] is None
+    assert report.data["parameters"][-1]["values"][1] is None
     assert report.verdict.endswith(" Not in all of them: 1 parameter.")
 
 
 def test_many_fits_are_in_tables_of_three(fits):
     report = comparison_report({f"run {k}": fits[k % 2] for k in range(7)})
     assert len(report.brief) == 4  # the first is of pairs
-    assert len(report.record["agreements"]) == 21
+    assert len(report.data["agreements"]) == 21
     assert len(report.page().html()) < 3_000_000
 
 

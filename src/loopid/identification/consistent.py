@@ -203,18 +203,10 @@ def fit_terms(
 ) -> Fit:
     """As ``consistent_fit``, with the bodies of the robot file.
 
-    Parameters
-    ----------
-    noise : NoiseModel
-        Errors of each actuator, those of the file's bodies included.
-    least : NoiseModel
-        Errors beside any bodies: what is more shows how far those of the file are off.
-
-    Returns
-    -------
-    Fit
-        Parameters of bodies alone are ``assumed``; those that joint terms fold into are not, and
-        hold by how much the bodies seem to be off.
+    The ``noise`` of each actuator holds errors of the file's bodies; the ``least`` is beside any
+    bodies, and what is more shows how far those of the file are off. Parameters of bodies alone are
+    ``assumed``. Those that joint terms fold into are not, and hold by how much the bodies seem to
+    be off.
     """
     weights, whole = _posed(force_model, data, noise)
     base, (program, standard) = force_model.base, _terms_alone(force_model, whole)
@@ -438,17 +430,18 @@ class _Step:
         return np.asarray(dtrtri(R)[0]) if len(R) else R
 
     def solution(self, rows: FloatArray, least: FloatArray) -> FloatArray:
-        """The best z (q,) with rows (m, q) z ≥ least (m,)."""
-        z = self._root @ self._triangle[:, -1]
-        missing = least - rows @ z
+        """The best z (q,) with rows (m, k) least (m,) or more times its last k."""
+        z, first = self._root @ self._triangle[:, -1], len(self.g) - rows.shape[1]
+        missing = least - rows @ z[first:]
         if not (missing > 0).any():
             return np.asarray(z)
-        # With x = R (z - z_free): the shortest x with G x ≥ h, rows of G of unit length.
-        G = rows @ self._root
+        # With x = R (z - z_free): the shortest x with G x ≥ h, rows of G of unit length. The root
+        # is triangular, so that x is of the last k alone.
+        G = rows @ self._root[first:, first:]
         lengths = np.linalg.norm(G, axis=1)
         kept = lengths > 0
         G, h = G[kept] / lengths[kept, None], missing[kept] / lengths[kept]
-        return np.asarray(z + self._root @ _least_distance(G, h))
+        return np.asarray(z + self._root[:, first:] @ _least_distance(G, h))
 
     @property
     def determined(self) -> FloatArray:
@@ -579,9 +572,8 @@ class _Program:
         return replace(state, factors=factors, joints=joints)
 
     def limits(self, state: _State) -> tuple[FloatArray, FloatArray]:
-        """Rows (m, q) and their least (m,) that a step z keeps to."""
-        rows = np.zeros((len(self.terms.least), WIDTH * len(self.file) + len(state.joints)))
-        rows[:, WIDTH * len(self.file) :] = self.terms.limits @ self.terms.spread(state.groups)
+        """Rows (m, k) and their least (m,) that joint terms keep to in a step z."""
+        rows = self.terms.limits @ self.terms.spread(state.groups)
         return rows, np.minimum(self.terms.least - self.terms.limits @ state.joints, 0.0)
 
 

@@ -45,21 +45,11 @@ Pieces = tuple[slice, ...]  # rows of evenly sampled segments, whose errors are 
 
 @record
 class Autoregression:
-    """e_t = Σ c_k e_{t-k} + ε_t, with ε independent.
+    """e_t = Σ c_k e_{t-k} + ε_t, with ε independent."""
 
-    Attributes
-    ----------
-    coefficients : FloatArray
-        (p,), c_k.
-    variance : float
-        Of ε.
-    covariances : FloatArray
-        (p + 1,), of e at lags 0 to p.
-    """
-
-    coefficients: FloatArray
-    variance: float
-    covariances: FloatArray
+    coefficients: FloatArray  # (p,), c_k
+    variance: float  # of ε
+    covariances: FloatArray  # (p + 1,), of e at lags 0 to p
 
     @classmethod
     def of_covariances(cls, covariances: FloatArray) -> Autoregression:
@@ -397,11 +387,18 @@ class ErrorModel:
     def taken_up(self, sums: FloatArray) -> FloatArray:
         """By how much a fit lowers Σ_t e_t e_{t+k} over used pairs, on average; (p + 1,).
 
-        With ``sums`` (n, n) those over all actuators.
+        With ``sums`` (n, n) those over all actuators. Of Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}),
+        u_t = 1 where a sample is used, the sum over all t is a product of spectra. Unused rows
+        next to used ones are then taken off.
         """
+        x, near, lags = self._columns, self._edges, range(self.model.order + 1)
+        whole = 2 * self._spectra.shared(self._densities, len(lags))
+        edges = self._turned[:, near]
+        beside = (x.take(near + k, 1, mode="wrap") + x.take(near - k, 1, mode="wrap") for k in lags)
+        shared = whole - [np.vdot(edges, each) for each in beside]
         own = self._turn.T @ sums @ self._turn
-        left = np.tensordot(self._grams[: len(self._shared)], own)
-        return np.asarray(self._shared - left, dtype=np.float64)
+        left = np.tensordot(self._grams[: len(lags)], own)
+        return np.asarray(shared - left, dtype=np.float64)
 
     def correct(self, sums: FloatArray) -> None:
         """Make the model again, with what the fit takes up under the present models added back.
@@ -432,16 +429,7 @@ class ErrorModel:
         return self.samples * (independent / spread if spread > 0 else 1.0)
 
     def _adopt(self, model: Autoregression) -> None:
-        """Take a model, and the sums that it leads to.
-
-        ``_shared`` is Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used. Over
-        all t it is a product of spectra. Unused rows next to used ones are then taken off.
-        """
-        self.model, x, near = model, self._columns, self._edges
-        densities, lags = self._spectra.densities(model), range(model.order + 1)
-        turned = self._spectra.turned(densities)
-        self.sums = self._turn @ (x @ turned.T) @ self._turn.T
-        whole = 2 * self._spectra.shared(densities, len(lags))
-        edges = turned[:, near]
-        beside = (x.take(near + k, 1, mode="wrap") + x.take(near - k, 1, mode="wrap") for k in lags)
-        self._shared = whole - [np.vdot(edges, each) for each in beside]
+        """Take a model, and the sums that it leads to."""
+        self.model, self._densities = model, self._spectra.densities(model)
+        self._turned = self._spectra.turned(self._densities)
+        self.sums = self._turn @ (self._columns @ self._turned.T) @ self._turn.T

@@ -172,9 +172,9 @@ def solved(
 def leverages(problem: FitProblem, weights: FloatArray, R: FloatArray) -> FloatArray:
     """Part of the parameters (dof,) that each actuator determines; they sum to n.
 
-    By the triangular factor R (n, n) of all weighted rows.
+    By the triangular factor R (n, n) of all weighted rows, which is regular.
     """
-    columns = weights[:, None, None] * problem.factors[:, :, :-1] @ np.linalg.inv(R)
+    columns = weights[:, None, None] * problem.factors[:, :, :-1] @ dtrtri(R)[0]
     return np.asarray((columns**2).sum(axis=(1, 2)), dtype=np.float64)
 
 

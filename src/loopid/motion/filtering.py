@@ -8,6 +8,7 @@ same frequencies [Gautier1997].
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from typing import Annotated
 
 import numpy as np
@@ -15,12 +16,19 @@ from pydantic import Field
 
 from loopid.arguments import FloatArray, Positive, checked, finite
 from loopid.errors import DataError, OptionError
-from loopid.records import record
+from loopid.records import derived, record
 
 # Periods of the cut-off frequency for which the ends are continued, per order, lest they ring: the
 # slowest mode of a pass falls to a millionth meanwhile. The first order takes what the second does.
 PADDING = 1.5
 AT_ONCE = 500_000  # numbers that are transformed at once: long logs have many columns
+LONGEST = 2**40  # of a transform: no memory holds more
+FAST = [1]  # products of twos, threes and fives
+for _prime in (2, 3, 5):
+    for _length in FAST:  # which grows meanwhile
+        if _length * _prime <= LONGEST:
+            FAST.append(_length * _prime)
+FAST.sort()
 
 
 @record(checked=True)
@@ -76,7 +84,7 @@ class LowPass:
             )
         count = len(signal) + 2 * padding
         size = fast_length(count)
-        gains, line = self._gains(size, rate), np.linspace(0.0, 1.0, count)
+        gains, line = _gains(self, size, rate), np.linspace(0.0, 1.0, count)
         columns = signal.reshape(len(signal), -1)
         found, step = np.empty_like(columns), max(AT_ONCE // count, 1)
         for start in range(0, columns.shape[1], step):
@@ -92,26 +100,22 @@ class LowPass:
             found[:, some] = (bent[:, :count] + straight)[:, padding:-padding].T
         return found.reshape(signal.shape)
 
-    def _gains(self, size: int, rate: float) -> FloatArray:
-        """Of the frequencies of a spectrum, by both passes.
 
-        tan(π f) stands for f, as by the bilinear transform [Oppenheim2010, ch. 7].
-        """
-        bent = np.tan(np.pi * np.arange(size // 2 + 1) / size) / np.tan(np.pi * self.cutoff / rate)
-        with np.errstate(over="ignore"):  # nothing is left there
-            return np.asarray(1.0 / (1.0 + np.square(bent) ** self.order))
+@derived
+def _gains(lowpass: LowPass, size: int, rate: float) -> FloatArray:
+    """Of the frequencies of a spectrum, by both passes.
+
+    tan(π f) stands for f, as by the bilinear transform [Oppenheim2010, ch. 7].
+    """
+    cutoff = np.tan(np.pi * lowpass.cutoff / rate)
+    bent = np.tan(np.pi * np.arange(size // 2 + 1) / size) / cutoff
+    with np.errstate(over="ignore"):  # nothing is left there
+        return np.asarray(1.0 / (1.0 + np.square(bent) ** lowpass.order))
 
 
 def fast_length(count: int) -> int:
     """The least length from a count on that is a product of twos, threes and fives, for FFTs."""
-    least, fives = 2 * count, 1
-    while fives < least:
-        odd = fives
-        while odd < least:
-            least = min(least, odd << (-(-count // odd) - 1).bit_length())
-            odd *= 3
-        fives *= 5
-    return least
+    return FAST[bisect_left(FAST, count)]
 
 
 @checked

@@ -68,7 +68,7 @@ def paper_report(found: PaperReproduction) -> Report:
         card=_card(found),
         pictures=lambda: (robot_chart(found.base.robot), share_charts(found.shares)[1]),
         under="Base parameters, their search, and identification; simulated where no log is given",
-        record={
+        record=lambda: {
             **json_fields(found, "geometry"),
             "base": base_record(found.base.robot, "gravity", found.base.base),
             "subgroups": subgroups,

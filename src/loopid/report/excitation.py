@@ -13,7 +13,7 @@ from loopid.files import csv_text
 from loopid.motion.files import motion_text
 from loopid.numbers import number
 from loopid.plots.excitation import errors_chart, motion_chart
-from loopid.plots.structure import force_unit, robot_chart
+from loopid.plots.structure import robot_chart
 from loopid.records import json_value
 from loopid.report.look import json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, panel_table
@@ -75,7 +75,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
         name="excitation",
         title=f"{model.robot.name}, {model.model} model, excitation",
         verdict=verdict,
-        record=excitation_record(found),
+        record=lambda: excitation_record(found),
         brief=[panel_table(chart.panels[0])],
         card=Card(
             tone="bad" if broken else "good" if excited == count else "rough",
@@ -95,7 +95,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
             Section("Expected accuracy", (chart, _noise(found))),
             Section("What it keeps", (kept, search)),
         ],
-        results=lambda: _motion_files(found),
+        results=lambda _: _motion_files(found),
     )
 
 
@@ -130,7 +130,7 @@ def _noise(found: ExcitationDesign) -> Table:
     robot, sizes = found.force_model.robot, np.sqrt((found.forces**2).mean(axis=0))
     parts = 100 * found.noise / np.where(sizes > 0, sizes, np.nan)
     rows = (
-        (name, f"{noise:.3g} {force_unit(robot, name)}", f"{number(part, 3)} %")
+        (name, f"{noise:.3g} {robot.units(name)[1]}", f"{number(part, 3)} %")
         for name, noise, part in zip(robot.actuated, found.noise, parts, strict=True)
     )
     title = f"assumed noise, independent at {found.options.rate:g} Hz"

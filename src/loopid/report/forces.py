@@ -20,7 +20,7 @@ from loopid.identification.verdict import GOOD
 from loopid.numbers import interval, number, with_error
 from loopid.plots.chart import Chart, Mark
 from loopid.plots.pictures import forces_chart, motors_panel, numbered
-from loopid.plots.structure import force_unit, robot_chart
+from loopid.plots.structure import robot_chart
 from loopid.records import json_value
 from loopid.report.look import json_fields, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
@@ -89,7 +89,7 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
             else "identify from this log, too.",
         ),
         pictures=lambda: (robot_chart(robot, worst=motor),),
-        record={"recordings": [*map(_prediction_record, predictions)]},
+        record=lambda: {"recordings": [*map(_prediction_record, predictions)]},
         brief=[table for _, table in shown.values()],
         sections=lambda: [
             Section(
@@ -97,7 +97,7 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
             )
             for name, (found, table) in shown.items()
         ],
-        results=lambda: {f"prediction_{name}.csv": f.csv() for name, (f, _) in shown.items()},
+        results=lambda _: {f"prediction_{name}.csv": f.csv() for name, (f, _) in shown.items()},
     )
 
 
@@ -118,7 +118,7 @@ def _prediction_record(found: Prediction) -> dict[str, Any]:
 
 def _prediction_table(robot: Robot, found: Prediction) -> Table:
     motors, moving, rest = found.recording.actuators, found.moving, found.standing
-    units = [force_unit(robot, motor) for motor in motors]
+    units = [robot.units(motor)[1] for motor in motors]
     columns = {
         "motor": lambda k: numbered(robot, motors[k]),
         ">moving": lambda k: f"{moving.samples[k]:,}",
@@ -194,7 +194,7 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
         name="payload",
         title=f"Payload on {found.link}",
         verdict=f"{verdict}; {clear} of {len(ends)} values are significant.",
-        record=record,
+        record=lambda: record,
         brief=[table, *(panel_table(chart.panels[0]) for chart in charts)],
         card=card,
         findings=() if apart is None else (apart,),
@@ -303,8 +303,10 @@ def gains_report(robot: Robot, found: GainFit) -> Report:
             figures=(Figure(span, "true force over logged force"),),
             next=step,
         ),
-        record=json_fields(found, "actuators", "gains", "undetermined")
-        | {"intervals_95_percent": json_value(ends)},
+        record=lambda: (
+            json_fields(found, "actuators", "gains", "undetermined")
+            | {"intervals_95_percent": json_value(ends)}
+        ),
         brief=[panel_table(panel)],
         pictures=lambda: (robot_chart(robot),),
         sections=lambda: [Section("Gains by motor", (chart,))],

@@ -24,7 +24,7 @@ from loopid.numbers import interval, number, root, with_error
 from loopid.parameters import KINDS
 from loopid.plots import identified as charts
 from loopid.plots.pictures import alone, forces_chart
-from loopid.plots.structure import force_unit, robot_chart
+from loopid.plots.structure import robot_chart
 from loopid.records import json_value
 from loopid.report.look import json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone
@@ -75,15 +75,15 @@ def identification_report(
     if len(rows) > 2 * SHOWN or any(" more" in row[0] for row in rows):
         left = len(rows) - SHOWN
         rows[SHOWN:] = [(f"... and {left} more in the report", "", "", "")] if left > 0 else []
-    record, advice = identification_record(found, judged), command if judged.excite else ""
+    advice = command if judged.excite else ""
     return Report(
         name="identification",
         title=f"{robot.name}, {found.force_model.model} model",
         verdict=str(judged),
-        record=record,
+        record=lambda: identification_record(found, judged),
         brief=[plain_table("", ("", ">", "", ""), rows)],
         sections=lambda: list(_sections(found, judged.motor)),
-        results=lambda: _fits(found, record, anyway),
+        results=lambda data: _fits(found, data, anyway),
         advice=advice,
         card=_card(found, judged, advice),
         pictures=lambda: (robot_chart(robot, worst=judged.motor),),
@@ -215,7 +215,7 @@ def _unidentified_table(found: Identification) -> Table:
     return plain_table("", columns, rows)
 
 
-def _fits(found: Identification, record: dict[str, Any], anyway: bool) -> dict[str, bytes | str]:
+def _fits(found: Identification, data: dict[str, Any], anyway: bool) -> dict[str, bytes | str]:
     """The recommended fit, unless it breaks a law, and that of all parameters where it is another.
 
     That one may break laws: its file says which, and controllers refuse it.
@@ -225,9 +225,9 @@ def _fits(found: Identification, record: dict[str, Any], anyway: bool) -> dict[s
     except OptionError as refused:
         warn(f"parameters.yaml is not written: {refused}", DataWarning)
         return {}
-    files: dict[str, bytes | str] = {RECOMMENDED: as_file(record["fit"])}
+    files: dict[str, bytes | str] = {RECOMMENDED: as_file(data["fit"])}
     if found.recommended is not found["all parameters"]:
-        files["all_parameters.yaml"] = as_file(record["all_parameters"])
+        files["all_parameters.yaml"] = as_file(data["all_parameters"])
     return files
 
 
@@ -273,7 +273,7 @@ def identification_record(found: Identification, judged: Verdict | None = None) 
 def _errors(found: Identification, k: int) -> dict[str, Any]:
     """Errors on new data of a motor, in parts of its force, as the page shows them."""
     robot, motor = found.force_model.robot, found.force_model.robot.independent[k]
-    said: dict[str, Any] = {"motor": motor, "number": k + 1, "unit": force_unit(robot, motor)}
+    said: dict[str, Any] = {"motor": motor, "number": k + 1, "unit": robot.units(motor)[1]}
     for name, candidate in (("fit", found.recommended), ("robot_file", found.baseline)):
         error, spread = (float(each[k]) for each in found.relative_errors(candidate))
         said[name] = {"error": error, "standard_error": spread}

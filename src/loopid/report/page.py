@@ -286,11 +286,12 @@ class Report:
     name: str  # of the record's form, and of its file
     title: str
     verdict: str  # which comes first
-    record: dict[str, Any]  # all findings in plain numbers, lists and texts
+    record: Callable[[], dict[str, Any]]  # all findings in plain numbers, lists and texts
     brief: Sequence[Table]  # what the terminal shows below the verdict
     sections: Callable[[], Sequence[Section]]  # of the page
     card: Card
-    results: Callable[[], dict[str, bytes | str]] = dict  # more files, by name
+    # More files of the record, by name.
+    results: Callable[[dict[str, Any]], dict[str, bytes | str]] = lambda _: {}
     advice: str = ""  # a command that does what the verdict advises
     pictures: Callable[[], Sequence[Chart]] = tuple  # beside the card, and below both
     under: str = ""  # what it is of, below the title of the page
@@ -310,7 +311,7 @@ class Report:
             "findings": [json_value(found) for found in self.findings],
             "checks": [{"passed": good, "what": text} for good, text in self.checks],
         }
-        return {"schema": f"loopid {self.name} {VERSION}", **said, **self.record}
+        return {"schema": f"loopid {self.name} {VERSION}", **said, **self.record()}
 
     def tables(self) -> list[Table]:
         """All tables of the page, those with pictures among them."""
@@ -347,7 +348,7 @@ class Report:
 
                 drawn[f"{chart.name}.pdf"] = svg2pdf(svg.encode())
         record = {f"{self.name}.json": json_text(self.data) + "\n"}
-        return {"report.html": page.html(), **record, **self.results(), **drawn}
+        return {"report.html": page.html(), **record, **self.results(self.data), **drawn}
 
 
 def panel_table(panel: Panel) -> Table:

@@ -99,7 +99,7 @@ def check_report(robot: Robot) -> Report:
         name="check",
         title=robot.name,
         verdict=verdict,
-        record=found,
+        record=lambda: found,
         brief=[*([_closures_table("", closures)] if closures else []), facts("", few)],
         sections=lambda: [
             Section("Closures and mobility", tuple(tables), short="Mobility"),
@@ -374,7 +374,7 @@ def base_report(
         name="base",
         title=f"{robot.name}, {model} model",
         verdict=verdict,
-        record=found,
+        record=lambda: found,
         brief=[_first_parameters(found), *([facts("", account)] if account else [])],
         sections=lambda: [
             Section("Base parameters", (parameters,)),
@@ -655,7 +655,7 @@ def motions_report(
         name="motions",
         title=f"{robot}: motions",
         verdict=verdict,
-        record=found,
+        record=lambda: found,
         brief=[table],
         card=Card(tone=tone, word="Look first" if wrong else "Can be run", use=verdict),
         sections=lambda: [Section("Motions", (table,))],
