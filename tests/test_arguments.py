@@ -263,7 +263,6 @@ OPTIONS = [
     loopid.kinematics.AssemblyOptions,
     loopid.kinematics.SamplingOptions,
     loopid.logs.FilterOptions,
-    loopid.logs.MaskOptions,
     loopid.control.LoopOptions,
     loopid.base_parameters.SearchOptions,
     loopid.base_parameters.SubgroupSearch,

@@ -84,7 +84,6 @@ def run(folder):
             loopid.FitOptions(),
             loopid.motion.LowPass(2.0),
             loopid.FilterOptions(),
-            loopid.logs.MaskOptions(),
         ),
     ]
     kinds: dict[type, object] = {}

@@ -10,11 +10,14 @@ from oracles import bodies_of, body_columns, fitted, shaken
 import loopid
 from loopid import JointTerms
 from loopid.errors import DataError, ModelWarning
-from loopid.identification import FitSamples, consistent_fit
+from loopid.identification import FitSamples, consistent, consistent_fit
 from loopid.identification.consistent import (
+    FASTEST,
     LEAST_OFF,
     NU,
     WIDTH,
+    _minimised,
+    _most_likely,
     _Program,
     _State,
     consistent_parameters,
@@ -470,3 +473,28 @@ def test_forces_that_no_bodies_have_are_fitted_by_the_best_ones(arm_case, off):
     found = quiet_consistent_fit(arm_case.model, turned, noise_of(samples)).result
     assert found.settled
     assert solid(arm_case, found)
+
+
+def test_steps_of_a_deviation_that_go_on_in_one_direction_grow(program, monkeypatch):
+    """They end where steps that do not grow end, in less than half as many."""
+    q, state = program
+    at_file = replace(state, factors=q.file, joints=q.terms.start, groups=np.array([1.0]))
+    noise = np.random.default_rng(0).normal(size=len(q.target))
+    found = []
+    for effect in (0.3, 3.0):
+        effects = q.effects * np.append(np.ones(q.effects.shape[1] - 3), np.full(3, effect))
+        target = effects @ q.standard(at_file) + noise
+        for fastest in (FASTEST, 1.0):
+            steps = []
+
+            def counted(*given, steps=steps):
+                steps.append(given)
+                return _minimised(*given)
+
+            monkeypatch.setattr(consistent, "FASTEST", fastest)
+            monkeypatch.setattr(consistent, "_minimised", counted)
+            state, _ = _most_likely(replace(q, effects=effects, target=target))
+            found.append((len(steps), *state.groups))
+        (few, group), (many, expected) = found[-2:]
+        assert group == pytest.approx(expected, rel=1e-2)
+        assert few < many / 2

@@ -10,7 +10,7 @@ import pytest
 
 import loopid
 from loopid.errors import DataError, LogError, OptionError
-from loopid.logs import FilterOptions, Log, LogMapping, MaskOptions, read_log
+from loopid.logs import FilterOptions, Log, LogMapping, read_log
 
 
 @pytest.fixture(scope="module")
@@ -239,7 +239,7 @@ def values(knee, arrays):
     log = Log.from_arrays(*arrays, knee.actuated, saturation=np.full(4, 1e4))
     recording = loopid.prepare(knee, log, filter=FilterOptions(cutoff=5.0))
     yield from (log, recording, recording.motion, recording.history)
-    yield from (FilterOptions(), MaskOptions(), log.dropped, *recording.dropped[:1])
+    yield from (FilterOptions(), log.dropped, *recording.dropped[:1])
     yield LogMapping(position={"columns": ["a", "b"]}, force_scale={"a": 2.0, "b": 3.0})
 
 
@@ -265,12 +265,13 @@ def test_records_that_differ_are_not_equal(knee, arrays):
 
 
 def test_a_recording_keeps_its_options(knee, arrays):
-    options = FilterOptions(cutoff=5.0, decimate=False), MaskOptions(singularity_threshold=0.01)
+    options = FilterOptions(cutoff=5.0, decimate=False)
     log = Log.from_arrays(*arrays, knee.actuated)
-    recording = loopid.prepare(knee, log, filter=options[0], masks=options[1])
-    assert (recording.filter, recording.masks) == options
+    recording = loopid.prepare(knee, log, filter=options, singularity_threshold=0.01)
+    assert (recording.filter, recording.singularity_threshold) == (options, 0.01)
     for wrong in ({"cutoff": "low"}, {"cutoff": -1.0}, {"order": 0}, {"decimate": "now"}):
         with pytest.raises(OptionError):
             FilterOptions(**wrong)
-    with pytest.raises(OptionError):
-        MaskOptions(singularity_threshold=np.nan)
+    for wrong in (np.nan, np.inf, -0.5, 2.0, "?", [0.1], True):
+        with pytest.raises(OptionError, match="singularity_threshold must be"):
+            loopid.prepare(knee, log, singularity_threshold=wrong)

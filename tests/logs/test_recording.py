@@ -16,7 +16,7 @@ from loopid.kinematics import (
 )
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import singularity_measure
-from loopid.logs import FilterOptions, Log, LogMapping, MaskOptions, read_log
+from loopid.logs import FilterOptions, Log, LogMapping, read_log
 from loopid.logs.preparing import (
     apart_at_jumps,
     assemble_samples,
@@ -31,6 +31,7 @@ from loopid.logs.preparing import (
     sticking,
     without_frozen,
 )
+from loopid.logs.recording import least_logged
 from loopid.motion import Motion, joint_motion
 from loopid.motion.filtering import differentiate
 from made_runs import quietly, wander
@@ -374,24 +375,24 @@ def test_a_log_of_another_robot_does_not_assemble(knee, log):
 def test_near_a_singularity_samples_are_left_out(knee, log, truth):
     threshold = float(np.median(truth.motion.singularity))
     with pytest.warns(DataWarning, match="run: the robot is near a singularity in .* left out"):
-        recording = prepared(knee, log, masks=MaskOptions(singularity_threshold=threshold))
+        recording = prepared(knee, log, singularity_threshold=threshold)
     assert (recording.motion.singularity >= threshold).all()
     assert any(part.reason == "near a singularity" for part in recording.dropped)
     steps = np.diff(recording.motion.time)[np.diff(recording.segments) == 0]
     np.testing.assert_allclose(steps, 0.04, atol=1e-9)
     said = r"near a singularity in 391 of 391 samples.*lower 'singularity_threshold'"
     with pytest.raises(LogError, match=said):
-        prepared(knee, log, masks=MaskOptions(singularity_threshold=1.0))
+        prepared(knee, log, singularity_threshold=1.0)
 
 
 def test_the_geometry_decides_how_near_to_singularities_samples_come(knee):
-    assert MaskOptions().least(knee) == 0.005
-    assert MaskOptions().least(replace(knee, singularity_threshold=0.2)) == 0.05
+    assert least_logged(knee) == 0.005
+    assert least_logged(replace(knee, singularity_threshold=0.2)) == 0.05
     near = SamplingOptions(singularity_threshold=1e-3)
     drawn = random_configurations(knee, 200, options=near)
     measures = singularity_measure(knee, drawn)
     flat = replace(knee, reference=drawn[measures.argmin()])
-    assert MaskOptions().least(flat) == pytest.approx(max(measures.min() / 8, 0.001))
+    assert least_logged(flat) == pytest.approx(max(measures.min() / 8, 0.001))
 
 
 def test_progress_ends_complete(knee, log, monkeypatch):
@@ -514,12 +515,12 @@ def test_a_part_of_the_time(recording):
 
 
 def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):
-    options, masks = FilterOptions(cutoff=5.0), MaskOptions()
+    options = FilterOptions(cutoff=5.0)
     lowpass = options.lowpass(provisional_cutoff(knee, log))
     whole = long_enough(without_frozen(log), lowpass)
     signals = filter_log(whole, lowpass)
     rows, ends = kept_rows(whole, lowpass, options)
-    found = assemble_samples(knee, whole, signals.position[rows], rows, masks)
+    found = assemble_samples(knee, whole, signals.position[rows], rows, least_logged(knee))
     assert found.good.all()
     np.testing.assert_array_equal(found.configurations, recording.motion.configurations)
     np.testing.assert_array_equal(signals.velocity[rows], recording.motion.velocities)

@@ -82,10 +82,7 @@ def command_with(
 ) -> str:
     """A command for a robot, with options by their names, and with those that it was loaded with.
 
-    Parameters
-    ----------
-    loaded : bool
-        Whether the command loads it: others find in their files how it was.
+    Commands that do not load it find in their files how it was.
     """
     from loopid.loading.files import bundled_directory
 

@@ -18,7 +18,6 @@ from loopid.cli.robots import (
     LOGGED_MODEL,
     MAPPINGS,
     TERMS,
-    commanded_motions,
     mapping_of_each,
     numbers,
     of_robot,
@@ -120,14 +119,14 @@ def identify(
     loaded, robot = robot, locked_as_logged(robot, logs[0], mapping=of_logs[0])
     runs = recordings(robot, logs, of_logs, cutoff, rows)
     judging = recordings(robot, validate, others[0], cutoff)
-    commanded = commanded_motions(robot, reference, others[1], cutoff)
+    commanded = recordings(robot, reference, others[1], cutoff, forces=False)
     friction = recordings(robot, friction_log, others[2], cutoff)
     found = identified(
         robot,
         [run.between(start, end) for run in runs],
         validation=judging or None,
         friction=friction,
-        references=commanded,
+        references=[run.motion for run in commanded],
         options=options,
     )
     command = excite_command(found, loaded, logs, of_logs if len({*of_logs}) > 1 else of_logs[:1])

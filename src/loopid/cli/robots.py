@@ -21,8 +21,7 @@ from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
-    from loopid.logs.recording import FilterOptions, Recording
-    from loopid.motion.joints import JointMotion
+    from loopid.logs.recording import Recording
     from loopid.robot.robot import Robot
 
 FILE = Argument(
@@ -501,14 +500,18 @@ def recordings(
     mappings: Sequence[str | None],
     cutoff: float | None = None,
     rows: str | None = None,
+    *,
+    forces: bool = True,
 ) -> list[Recording]:
-    """Logs of an option, each with its mapping, read and made ready."""
+    """Logs of an option, each with its mapping, read and made ready; see ``read_recording``."""
     from loopid.logs.reading import read_recording
+    from loopid.logs.recording import FilterOptions
 
-    part, lowpass = row_range(rows), _filter(cutoff)
+    lowpass = FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)
+    given: dict[str, Any] = {"rows": row_range(rows), "filter": lowpass, "forces": forces}
     with progress_bar("assembling") as report:
         return [
-            read_recording(path, robot, mapping, rows=part, filter=lowpass, progress=report)
+            read_recording(path, robot, mapping, **given, progress=report)
             for path, mapping in zip(paths or (), mappings, strict=True)
         ]
 
@@ -532,27 +535,3 @@ def mapping_of_each(
         )
     rest = iter(every)
     return [[next(rest) for _ in range(count)] for count in counts]
-
-
-def commanded_motions(
-    robot: Robot,
-    paths: Sequence[str] | None,
-    mappings: Sequence[str | None],
-    cutoff: float | None,
-) -> list[JointMotion]:
-    """Motions of an option, which need no forces."""
-    from loopid.logs.reading import read_commanded
-
-    lowpass = _filter(cutoff)
-    with progress_bar("assembling") as report:
-        return [
-            read_commanded(path, robot, mapping, filter=lowpass, progress=report)
-            for path, mapping in zip(paths or (), mappings, strict=True)
-        ]
-
-
-def _filter(cutoff: float | None) -> FilterOptions:
-    """That of a cut-off, or the usual one."""
-    from loopid.logs.recording import FilterOptions
-
-    return FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)

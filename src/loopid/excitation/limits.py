@@ -209,18 +209,14 @@ class _Joints:
                 if name not in joints and (ranges is limits.positions or name != "all"):
                     raise OptionError.unknown("joint", name, joints)
         self.joints = {name: joint for name, joint in joints.items() if joint.nv == 1}
-        self.sliding = {n: j.idx_v in robot.prismatic for n, j in self.joints.items()}
         self.following = robot.following - {*limits.positions}
         gravity = float(np.linalg.norm(robot.model.gravity.linear)) or 1.0
         self.rate = np.sqrt(gravity / robot.length)
         self.weight = gravity * sum(each.mass for each in robot.model.inertias) or np.inf
 
-    def unit(self, name: str) -> str:
-        return "m" if self.sliding[name] else "rad"
-
     def fall(self, name: str) -> float:
         """Speed of a fall over the robot's length."""
-        return float(self.rate * (self.robot.length if self.sliding[name] else 1.0))
+        return float(self.rate * (self.robot.length if self.robot.slides(name) else 1.0))
 
     def largest(self, given: Mapping[str, float], name: str, file: float) -> float:
         """The largest value of a joint that is given, else the share of the file's, if any."""
@@ -241,7 +237,8 @@ class _Joints:
             elif driven and speed > UNLIMITED * fall:
                 speed = fall
             if speed < UNLIMITED * fall and name not in self.following:
-                bounds.append(Bound("speed", name, f"{self.unit(name)}/s", -speed, speed))
+                unit, _ = self.robot.units(name)
+                bounds.append(Bound("speed", name, f"{unit}/s", -speed, speed))
                 columns.append(joint.idx_v)
         return Quantities(bounds, lambda motion, _: motion.velocities[:, columns])
 
@@ -253,13 +250,12 @@ class _Joints:
             if name not in self.joints:
                 continue
             effort = float(robot.model.effortLimit[self.joints[name].idx_v])
-            lever = 1.0 if self.sliding[name] else robot.length
+            lever = 1.0 if robot.slides(name) else robot.length
             file = effort if effort < UNLIMITED * self.weight * lever else 0.0
             most = self.largest(self.limits.forces, name, file)
             bounded = bounded and bool(np.isfinite(most))
             if np.isfinite(most):
-                unit = "N" if self.sliding[name] else "N m"
-                bounds.append(Bound("force", name, unit, -most, most))
+                bounds.append(Bound("force", name, robot.units(name)[1], -most, most))
                 columns.append(k)
         return Quantities(bounds, lambda _, forces: forces[:, columns]), bounded
 
@@ -272,7 +268,8 @@ class _Joints:
             if driven and not np.isfinite(most) and (self.slow or not forces_bounded):
                 most = self.fall(name) * self.rate * (SLOW_ACCELERATION if self.slow else 1.0)
             if np.isfinite(most):
-                bounds.append(Bound("acceleration", name, f"{self.unit(name)}/s²", -most, most))
+                unit, _ = self.robot.units(name)
+                bounds.append(Bound("acceleration", name, f"{unit}/s²", -most, most))
                 columns.append(joint.idx_v)
         return Quantities(bounds, lambda motion, _: motion.accelerations[:, columns])
 
@@ -280,7 +277,7 @@ class _Joints:
         """As given, else the share of the file's ranges."""
         bounds, columns = list[Bound](), list[int]()
         for name, joint in self.joints.items():
-            most = UNLIMITED * (self.robot.length if self.sliding[name] else np.pi)
+            most = UNLIMITED * (self.robot.length if self.robot.slides(name) else np.pi)
             ends = self.robot.limits(name)
             low, high = (x if abs(x) < most else np.sign(x) * np.inf for x in ends)
             if np.isfinite([low, high]).all():
@@ -289,7 +286,8 @@ class _Joints:
             low, high = self.limits.positions.get(name, (low, high))
             bounded = np.isfinite([low, high]).any() and joint.nq == 1
             if bounded and name not in self.following:
-                bounds.append(Bound("position", name, self.unit(name), float(low), float(high)))
+                unit, _ = self.robot.units(name)
+                bounds.append(Bound("position", name, unit, float(low), float(high)))
                 columns.append(joint.idx_q)
         return Quantities(bounds, lambda motion, _: motion.configurations[:, columns])
 

@@ -147,8 +147,7 @@ def _fields(
     # A joint's name where it has one position, else numbered from 0.
     positions = [j if nq == 1 else f"{j}[{k}]" for j, nq in joints for k in range(nq)]
     reference, motors = robot.reference, robot.independent
-    indices, sliding = robot.velocity_indices(motors), robot.prismatic
-    units = ["m" if k in sliding else "rad" for k in indices]
+    units = [robot.units(motor)[0] for motor in motors]
     return {
         "NAME": name,
         "GUARD": name.upper(),

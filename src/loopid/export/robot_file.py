@@ -65,19 +65,10 @@ def updated_robot_file(
     written where ``parameters`` name some. Viscous and Coulomb friction have a place in every
     format, drive inertias and springs in an MJCF. In a URDF these are updated where it has tags for
     them. A friction curve and load friction become the nearest of these (``fit.use``). They are
-    nearest over the rates of the log, at its mean load. ``name`` is what warnings call the file.
-
-    Raises
-    ------
-    DataError, RobotFileError
-        Naming a link that would not be physically consistent, or parameters or a file that are not
-        those of the robot.
-
-    Warns
-    -----
-    ModelWarning
-        Of joint terms that the new file does not have as the parameters say, and of how near the
-        friction that it has is to the curve.
+    nearest over the rates of the log, at its mean load. What the new file does not have as the
+    parameters say is warned of, and how near its friction is to the curve; ``name`` is what
+    warnings call the file. A link that would not be physically consistent is refused, and
+    parameters or a file that are not those of the robot.
     """
     files = files_of(robot)
     _require_editable(files.tree)
@@ -116,17 +107,8 @@ def export_robot_file(
 
     The name ends as the robot's own file does. Paths of meshes and of a YAML's ``urdf`` are not
     adapted. Of a robot with closures, motors or a reference given in Python a YAML beside it has
-    these.
-
-    Returns
-    -------
-    Path
-        What to load: the YAML where there is one.
-
-    Warns
-    -----
-    ModelWarning
-        Of options of ``load``, such as locked joints, that the file is to be loaded with again.
+    these: then that is what is to be loaded, and given back. Options of ``load`` that the file is
+    to be loaded with again, such as locked joints, are warned of.
     """
     place, files = Path(path), files_of(robot)
     tree, texts = files.tree, dict[str, bytes | str]()
@@ -322,8 +304,7 @@ def _is_none(robot: Robot, joint: str, terms: Mapping[str, float], kind: str) ->
     if kind != "Ks":
         return False
     stiffness, force = terms["Ks"], terms.get("Fo", 0.0)
-    (index,) = robot.velocity_indices([joint])
-    unit = robot.length if index in robot.prismatic else 1.0
+    unit = robot.length if robot.slides(joint) else 1.0
     return 0 < stiffness * FAR * unit < abs(force)
 
 

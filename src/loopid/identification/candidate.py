@@ -22,36 +22,20 @@ NO_DIFFERENCE = 1e-9  # of mean squared errors: smaller ones are round-off
 
 @record
 class Candidate:
-    """Values for all parameters of a force model, beside those of a baseline.
-
-    Attributes
-    ----------
-    name : str
-    fit : Fit
-        All n values, with their uncertainty.
-    validation : Quality
-        On data that were not fitted.
-    predicted : FloatArray
-        (N, dof) forces on these data, by fits that have not seen them.
-    rms_errors : tuple of FloatArray
-        Standard errors (dof,) of the rms on training and on validation data, in N or N m.
-    error_ratio : tuple of float
-        Mean squared validation error over that of the baseline, the geometric mean over the motors;
-        and its standard error.
-    motor_ratios : FloatArray
-        (dof,), that of each motor; NaN without samples.
-    regions : FloatArray or None
-        (dof,), root mean square errors on regions of states that were left out; None where these
-        were not.
-    """
+    """Values for all parameters of a force model, beside those of a baseline."""
 
     name: str
-    fit: Fit
-    validation: Quality
-    predicted: FloatArray
+    fit: Fit  # all n values, with their uncertainty
+    validation: Quality  # on data that were not fitted
+    predicted: FloatArray  # (N, dof) forces on these data, by fits that have not seen them
+    # Standard errors (dof,) of the rms on training and on validation data, in N or N m
     rms_errors: tuple[FloatArray, FloatArray]
+    # Mean squared validation error over that of the baseline, the geometric mean over the motors;
+    # and its standard error
     error_ratio: tuple[float, float]
-    motor_ratios: FloatArray
+    motor_ratios: FloatArray  # (dof,), that of each motor; NaN without samples
+    # (dof,), root mean square errors on regions of states that were left out; None where these were
+    # not
     regions: FloatArray | None = None
 
     @property
@@ -176,18 +160,10 @@ def error_ratio(
 ) -> tuple[tuple[float, float], FloatArray]:
     """Mean squared error of predicted forces (N, dof) over that of other ones.
 
-    Parameters
-    ----------
-    parts : IntArray, optional
-        Number (N,) of the part whose errors are alike; by default equal parts of the time.
-
-    Returns
-    -------
-    ratio : tuple of float
-        The geometric mean over the motors with samples, and its standard error by the jackknife
-        over the parts [Efron1982]; NaN where a motor has samples in one alone.
-    motors : FloatArray
-        (dof,), of each; NaN without samples.
+    The geometric mean over the motors with samples, with its standard error, and that of each motor
+    (dof,), NaN without samples. The error is by the jackknife over parts [Efron1982] whose errors
+    are alike, with numbers (N,), by default equal parts of the time. It is NaN where a motor has
+    samples in one alone.
     """
     problem = samples.problem
     if parts is None:

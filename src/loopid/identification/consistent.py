@@ -203,18 +203,10 @@ def fit_terms(
 ) -> Fit:
     """As ``consistent_fit``, with the bodies of the robot file.
 
-    Parameters
-    ----------
-    noise : NoiseModel
-        Errors of each actuator, those of the file's bodies included.
-    least : NoiseModel
-        Errors beside any bodies: what is more shows how far those of the file are off.
-
-    Returns
-    -------
-    Fit
-        Parameters of bodies alone are ``assumed``; those that joint terms fold into are not, and
-        hold by how much the bodies seem to be off.
+    The ``noise`` of each actuator holds errors of the file's bodies; the ``least`` is beside any
+    bodies, and what is more shows how far those of the file are off. Parameters of bodies alone are
+    ``assumed``. Those that joint terms fold into are not, and hold by how much the bodies seem to
+    be off.
     """
     weights, whole = _posed(force_model, data, noise)
     base, (program, standard) = force_model.base, _terms_alone(force_model, whole)

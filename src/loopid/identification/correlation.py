@@ -45,21 +45,11 @@ Pieces = tuple[slice, ...]  # rows of evenly sampled segments, whose errors are 
 
 @record
 class Autoregression:
-    """e_t = Σ c_k e_{t-k} + ε_t, with ε independent.
+    """e_t = Σ c_k e_{t-k} + ε_t, with ε independent."""
 
-    Attributes
-    ----------
-    coefficients : FloatArray
-        (p,), c_k.
-    variance : float
-        Of ε.
-    covariances : FloatArray
-        (p + 1,), of e at lags 0 to p.
-    """
-
-    coefficients: FloatArray
-    variance: float
-    covariances: FloatArray
+    coefficients: FloatArray  # (p,), c_k
+    variance: float  # of ε
+    covariances: FloatArray  # (p + 1,), of e at lags 0 to p
 
     @classmethod
     def of_covariances(cls, covariances: FloatArray) -> Autoregression:

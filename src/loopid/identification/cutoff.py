@@ -10,7 +10,6 @@ at each cut-off. A change is that of predicted forces, in parts of each motor's 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import field
 from typing import NamedTuple
@@ -23,8 +22,8 @@ from loopid.findings import Finding, WithFindings
 from loopid.identification.estimator import nearest_to_file
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
-from loopid.logs.preparing import at_cutoff, motion_band, prepare
-from loopid.logs.recording import OVERSAMPLING, FilterOptions, MaskOptions, Recording
+from loopid.logs.preparing import at_cutoff, motion_band, quietly_prepared
+from loopid.logs.recording import OVERSAMPLING, FilterOptions, Recording
 from loopid.records import record
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
@@ -51,29 +50,18 @@ LONGEST, SECTIONS = 200_000, 5
 
 @record
 class CutoffChoice(WithFindings):
-    """Cut-offs that were tried, and the one chosen.
+    """Cut-offs that were tried, and the one chosen."""
 
-    Attributes
-    ----------
-    cutoffs : FloatArray
-        (k,) in Hz, ascending.
-    changes : FloatArray
-        (k - 1,), how far predicted forces move from each cut-off to the next: root mean squares, in
-        parts of each motor's error.
-    chosen : float
-        In Hz.
-    bound : str
-        What kept a better one from being tried: ``"lowest"`` the band of the motion, ``"length"``
-        that of the log, ``"rate"`` its samples per second, ``"alone"`` these two; empty otherwise.
-    equally_good : FloatArray
-        (j,) in Hz, ascending: those around which estimates change as little; the chosen one is in
-        their middle.
-    """
-
-    cutoffs: FloatArray
+    cutoffs: FloatArray  # (k,) in Hz, ascending
+    # (k - 1,), how far predicted forces move from each cut-off to the next: root mean squares, in
+    # parts of each motor's error
     changes: FloatArray
-    chosen: float
+    chosen: float  # in Hz
+    # What kept a better one from being tried: ``"lowest"`` the band of the motion, ``"length"``
+    # that of the log, ``"rate"`` its samples per second, ``"alone"`` these two; empty otherwise
     bound: str = ""
+    # (j,) in Hz, ascending: those around which estimates change as little; the chosen one is in
+    # their middle
     equally_good: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __repr__(self) -> str:
@@ -214,15 +202,9 @@ def sections(robot: Robot, recording: Recording) -> Recording:
         return recording
     period = len(log) / SECTIONS
     kept = np.arange(len(log)) % period < LONGEST / SECTIONS
-    known = recording.history.whole[1] if recording.history else recording.motion
-    options = recording.filter or FilterOptions(), recording.masks or MaskOptions()
+    options = recording.filter or FilterOptions()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # given when all of it was prepared
-            part = prepare(
-                robot, log.select(kept), filter=options[0], masks=options[1], known=known
-            )
-        return part.within(recording)
+        return quietly_prepared(robot, recording, log.select(kept), options).within(recording)
     except LoopidError:
         return recording
 

@@ -24,13 +24,7 @@ FORMS = "a path, a table of pandas or Polars, a Log or a Recording"
 def read(
     robot: Robot | ForceModel, *data: Any, mapping: Any = None
 ) -> tuple[Robot | ForceModel, list[tuple[Recording, ...]]]:
-    """The robot, locked where the first log has it, and recordings of several data.
-
-    Raises
-    ------
-    OptionError
-        As ``recordings_of``.
-    """
+    """The robot, locked where the first log has it, and ``recordings_of`` several data."""
     first = require_some(data[0])
     if isinstance(robot, Robot) and isinstance(first, str | Path):
         from loopid.logs.reading import locked_as_logged  # where files are read
@@ -41,26 +35,11 @@ def read(
 
 
 def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[Recording, ...]]:
-    """Recordings of several data, each of any form.
+    """Recordings of several data, each of any form that ``identify`` takes.
 
-    Parameters
-    ----------
-    *data
-        A path, a table with columns by name (of pandas or Polars, a dictionary of arrays), what
-        ``simulate`` gives, a ``Log``, a ``Recording``; or a list of these.
-    mapping : LogMapping or path, optional
-        Which columns are what, in paths and tables.
-
-    Returns
-    -------
-    list of tuple of Recording
-        Other logs of one name are numbered: ``run``, ``run 2``. Parts of a log share its name, as
-        do poses at rest of one name whose rows do not overlap.
-
-    Raises
-    ------
-    OptionError
-        When the data are nothing of that, or none of them needs the mapping that is given.
+    Other logs of one name are numbered: ``run``, ``run 2``. Parts of a log share its name, as do
+    poses at rest of one name whose rows do not overlap. Data of another form are refused, and a
+    mapping that none of them needs.
     """
     given = [each_of(each) for each in data]
     known = [isinstance(one, Log | Recording | Measurement) for each in given for one in each]

@@ -290,23 +290,21 @@ def _confirmed(delay: Delay, other: Delay) -> Delay:
 
 def _each_left_open(delay: Delay) -> FloatArray:
     """Deviations in s (m,) of delays of motors that are not clear."""
-    errors = np.ptp(delay.intervals, axis=1) / 2 / NORMAL_95
-    pairs = zip(delay.each, errors, strict=True)
-    return np.array([_left_open(own, error, delay.step) for own, error in pairs])
+    return _left_open(delay.each, np.ptp(delay.intervals, axis=1) / 2 / NORMAL_95, delay.step)
 
 
 def _kept(delay: Delay) -> Delay:
     """A delay of which nothing is undone."""
-    error = float(np.ptp(delay.interval)) / 2 / NORMAL_95
-    left = np.array([_left_open(delay.common, error, delay.step)])
+    error = np.ptp([delay.interval], axis=1) / 2 / NORMAL_95
+    left = _left_open(np.array([delay.common]), error, delay.step)
     return replace(delay, undone=0.0 * delay.undone, left=left)
 
 
-def _left_open(common: float, error: float, step: float) -> float:
-    """Deviation in s of a delay that is not clear: what the data leave of a usual one."""
+def _left_open(delays: FloatArray, errors: FloatArray, step: float) -> FloatArray:
+    """Deviations in s (k,) of delays that are not clear: what the data leave of a usual one."""
     usual = min(USUAL, step)
-    known = 1 / (1 + (error / usual) ** 2)
-    return float(np.hypot(known * common, usual * np.sqrt(1 - known)))
+    known = 1 / (1 + (errors / usual) ** 2)
+    return np.asarray(np.hypot(known * delays, usual * np.sqrt(1 - known)))
 
 
 def _sharpens(sharp: Delay, other: Delay) -> bool:
@@ -383,12 +381,8 @@ def with_delay_errors(
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x. They move the estimates
     by C Σ xᵀ D / σ², with C their covariance. The variance σ² is that of as many independent errors
     as would determine a mean as well. C counts no wider than Σ xᵀ x / σ² makes it: what else widens
-    it moves no estimate. Of a delay that is not clear all is left (``Delay.left``).
-
-    Parameters
-    ----------
-    data : FitSamples
-        What was fitted, of these recordings.
+    it moves no estimate. Of a delay that is not clear all is left (``Delay.left``). The data are
+    what was fitted, of these recordings.
     """
     noise, late = fit.noise, delay_forces(data, fit.values, recordings, delay)
     if noise is None or not late.shape[2]:

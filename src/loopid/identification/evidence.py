@@ -29,7 +29,7 @@ from loopid.identification.information import body_sizes
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import closed_motion, singularity_measure
-from loopid.logs.recording import MaskOptions, Recording
+from loopid.logs.recording import Recording, least_logged
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.robot import Robot
@@ -260,7 +260,7 @@ class Evidence:
         if any(key != _pose(self.recorded)[:3] for key in new):
             found = try_assemble(self.robot, position, options=CLOSELY)
             q = np.where(found.assembled[:, None], found.configurations, self.robot.reference)
-            regular = singularity_measure(self.robot, q) >= MaskOptions().least(self.robot)
+            regular = singularity_measure(self.robot, q) >= least_logged(self.robot)
             q[~regular], closed = self.robot.reference, found.assembled & regular
         along = *self._along(self._regressors(q, moved)), closed
         parts = (np.split(one, len(new)) for one in along)
@@ -449,8 +449,7 @@ class Evidence:
 
     def unit(self, motor: int) -> tuple[str, float]:
         """Of the positions of a motor, and the length in it that zeros are in."""
-        sliding = self.robot.joint(self.names[motor]).idx_v in self.robot.prismatic
-        return ("m" if sliding else "rad"), float(self.lengths[motor])
+        return self.robot.units(self.names[motor])[0], float(self.lengths[motor])
 
     def sizes(self, undone: Sequence[Undone]) -> FloatArray:
         """Root mean squares (S, d) of the forces."""

@@ -36,30 +36,15 @@ LIKELY = 0.4
 
 @record
 class Jackknife:
-    """Changes of n estimates without each of m groups of samples.
+    """Changes of n estimates without each of m groups of samples."""
 
-    Attributes
-    ----------
-    groups : IntArray
-        (N,), number of the group of each sample.
-    changes : FloatArray
-        (m, n); 0 for what one group alone determines.
-    prior : FloatArray
-        (n, k), changes of the estimates by unit errors of the rows of a prior.
-    freedom : FloatArray
-        (n,), degrees of freedom of the scatter [Satterthwaite1946].
-    excess : FloatArray
-        (n,), variance by the scatter over the true one, of errors that are independent.
-    present : int
-        Groups that have samples in the fit.
-    """
-
-    groups: IntArray
-    changes: FloatArray
-    prior: FloatArray
-    freedom: FloatArray
+    groups: IntArray  # (N,), number of the group of each sample
+    changes: FloatArray  # (m, n); 0 for what one group alone determines
+    prior: FloatArray  # (n, k), changes of the estimates by unit errors of the rows of a prior
+    freedom: FloatArray  # (n,), degrees of freedom of the scatter [Satterthwaite1946]
+    # (n,), variance by the scatter over the true one, of errors that are independent
     excess: FloatArray
-    present: int
+    present: int  # groups that have samples in the fit
 
     @classmethod
     def of(cls, fit: WorkingFit, groups: IntArray) -> Jackknife:

@@ -28,36 +28,17 @@ CURVES, CLOSE = (CURVE, ASYMMETRY), 1e-9
 
 @record
 class JointPriors:
-    """Prior of the k joint terms of a force model, in g groups.
+    """Prior of the k joint terms of a force model, in g groups."""
 
-    Attributes
-    ----------
-    start : FloatArray
-        (k,), f⁰.
-    deviations : FloatArray
-        (k,), standard deviations of terms without a group, 1 for the others.
-    names : tuple of str
-        Of the groups, such as ``"elbow: friction curve"``.
-    group : IntArray
-        (k,), number of each term's group; -1 without one.
-    factor : FloatArray
-        (k, k), F: triangular in each group, the identity elsewhere.
-    bounds : FloatArray
-        (g, 2), least and largest deviation of each group.
-    box : FloatArray
-        (2, k), least and largest value of each term, which may be infinite.
-    limits, least : FloatArray
-        A (m, k) and b (m,) of A f ≥ b, the box and friction that dissipates included; b is at most
-        zero.
-    """
-
-    start: FloatArray
-    deviations: FloatArray
-    names: tuple[str, ...]
-    group: IntArray
-    factor: FloatArray
-    bounds: FloatArray
-    box: FloatArray
+    start: FloatArray  # (k,), f⁰
+    deviations: FloatArray  # (k,), standard deviations of terms without a group, 1 for the others
+    names: tuple[str, ...]  # of the groups, such as ``"elbow: friction curve"``
+    group: IntArray  # (k,), number of each term's group; -1 without one
+    factor: FloatArray  # (k, k), F: triangular in each group, the identity elsewhere
+    bounds: FloatArray  # (g, 2), least and largest deviation of each group
+    box: FloatArray  # (2, k), least and largest value of each term, which may be infinite
+    # A (m, k) and b (m,) of A f ≥ b, the box and friction that dissipates included; b is at most
+    # zero
     limits: FloatArray
     least: FloatArray
 

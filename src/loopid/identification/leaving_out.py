@@ -28,18 +28,10 @@ SAME = 0.05  # of the deviations of states: such ones are the same
 
 @record
 class LeftOut:
-    """Fits to all segments of some data but one.
+    """Fits to all segments of some data but one."""
 
-    Attributes
-    ----------
-    segments : IntArray
-        (N,), the segment of each sample, of K.
-    values : dict of FloatArray
-        (K, n), for each candidate its values without each segment.
-    """
-
-    segments: IntArray
-    values: Mapping[str, FloatArray]
+    segments: IntArray  # (N,), the segment of each sample, of K
+    values: Mapping[str, FloatArray]  # (K, n), for each candidate its values without each segment
 
     @classmethod
     def of(

@@ -84,8 +84,7 @@ def _turned(robot: Robot) -> Iterator[tuple[Place, Robot]]:
             joint.calc(data, neutral[joint.idx_q : joint.idx_q + joint.nq])
             place = model.jointPlacements[joint.id]
             model.jointPlacements[joint.id] = place * pin.exp6(pin.Motion(-PART * np.ravel(data.S)))
-            slides = joint.idx_v in robot.prismatic
-            yield Place(name, "m" if slides else "rad"), replace(robot, model=model)
+            yield Place(name, robot.units(name)[0]), replace(robot, model=model)
 
 
 def _forces(robot: Robot, run: Recording, model: str) -> FloatArray:

@@ -84,7 +84,7 @@ def late_by_seconds(robot: Robot, recordings: Sequence[Recording]) -> Finding | 
     if least > min(LATE * left * usual, LEFT):
         return None
     # The logarithm of the likelihood ratio of normal errors, beside how many shifts were tried.
-    if freedom[best] * log(usual / max(errors[best], TINY)) < EVIDENCE + log(len(lags)):
+    if freedom[best] * log(usual / max(least, UNEXPLAINED)) < EVIDENCE + log(len(lags)):
         return None
     how, key = ("late", f"{lag:.2g}") if lag > 0 else ("early", f"{lag:.2g}")
     return Finding(

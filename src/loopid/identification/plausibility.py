@@ -62,12 +62,7 @@ def nothing_follows(every: Estimates) -> bool:
 
 
 def require_sane(fit: Estimates, anyway: bool) -> None:
-    """Refuse a fit that breaks a law, on its logs or by its values, unless ``anyway`` is given.
-
-    Raises
-    ------
-    OptionError
-    """
+    """Refuse a fit that breaks a law, on its logs or by its values, unless ``anyway`` is given."""
     _require((*fit.broken, *(() if fit.broken else _of_friction(fit))), fit, anyway)
 
 
@@ -76,10 +71,6 @@ def require_fit_for_use(fit: Estimates, anyway: bool) -> None:
 
     It breaks a law, is of a log with a mistake, leaves a force unexplained, or has friction that
     drives.
-
-    Raises
-    ------
-    OptionError
     """
     require_sane(fit, anyway)
     driving = _of_friction(replace(fit, turning=())) if fit.turning else ()

@@ -156,23 +156,10 @@ def prediction_reach(
 ) -> FloatArray:
     """Half the width (N, dof) of 95 % intervals of the forces that a regressor predicts.
 
-    By the parameters alone they hold what the model says. With errors on unseen data, which are
-    those of sensors and of what the model lacks, they hold new forces.
-
-    Parameters
-    ----------
-    regressor : FloatArray
-        (N, dof, n) in N or N m per unit parameter.
-    covariance : FloatArray
-        (n, n).
-    errors : FloatArray, optional
-        (dof,) or (N, dof), root mean squares in N or N m, as ``Fit.unseen_rms``; NaN for unknown
-        ones.
-
-    Raises
-    ------
-    DataError
-        When shapes differ, or something is not finite.
+    By a regressor (N, dof, n) and the covariance (n, n) of the parameters alone they hold what the
+    model says. With errors on unseen data (dof,) or (N, dof), root mean squares in N or N m as
+    ``Fit.unseen_rms``, which are those of sensors and of what the model lacks, they hold new
+    forces; NaN for unknown ones.
     """
     # The order of numbers in memory would decide the last bits.
     W = np.ascontiguousarray(finite(regressor, "regressor"))

@@ -365,7 +365,7 @@ def _of_ripples(found: Outcome, ripples: Ripples) -> Finding:
     force = dict(zip(found.data.actuators, sizes.tolist(), strict=True))
     said = list[str]()
     for motor, waves, size in zip(ripples.motors, ripples.number, ripples.size, strict=True):
-        slides = robot.joint(motor).idx_v in robot.prismatic
+        slides = robot.slides(motor)
         times, unit = (waves / 2 / np.pi, "metre") if slides else (waves, "turn")
         share = number(100 * size / force[motor], 2)
         said.append(f"{motor} {times:.3g} times a {unit}, {share} % of its force")
@@ -378,10 +378,9 @@ def _of_ripples(found: Outcome, ripples: Ripples) -> Finding:
     )
 
 
-def _model_findings(found: Outcome) -> Iterator[Finding]:
+def _model_findings(found: Outcome) -> Iterator[Finding | None]:
     """What the model lacks, and where the data do not decide."""
-    model = _of_model(found)
-    yield from () if model is None else (model,)
+    yield _of_model(found)
     yield from missing_findings(found.missing)
     if found.fit.ripples is not None:
         yield _of_ripples(found, found.fit.ripples)
@@ -425,12 +424,15 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
     return excite, f"excite the least certain, {least}" if excite else "record a longer log"
 
 
-def findings_of(found: Outcome) -> Iterator[Finding]:
+def findings_of(found: Outcome) -> list[Finding]:
     """What to know beside the numbers."""
+    return [each for each in _findings(found) if each is not None]
+
+
+def _findings(found: Outcome) -> Iterator[Finding | None]:
     for one in found.log_faults:
         yield from one.findings
-    standing = _of_standing(found)
-    yield from () if standing is None else (standing,)
+    yield _of_standing(found)
     yield from _wrong(found)
     yield from _of_encoders(found)
     yield from _model_findings(found)
@@ -445,7 +447,7 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
     if not fit.settled:
         yield UNSETTLED
     yield from () if found.delay is None else found.delay.findings
-    yield from (one.hidden for one in found.log_faults if one.hidden is not None)
+    yield from (one.hidden for one in found.log_faults)
     for broken in fit.broken:
         if broken == NOTHING_FOLLOWS:
             continue  # a finding of its own
@@ -456,19 +458,20 @@ def findings_of(found: Outcome) -> Iterator[Finding]:
     yield from () if found.cutoff is None else found.cutoff.findings
 
 
-def _wrong(found: Outcome) -> Iterator[Finding]:
+def _wrong(found: Outcome) -> list[Finding]:
     """What another motion does not mend, the likeliest cause first."""
-    single = _of_single_moves(found)
-    yield from () if single is None else (single,)
-    passing, other = _passing(found), found.log_difference
+    other, others = found.log_difference, (_better(found), _unexplained(found))
     change = found.load_change if other is None else None
-    yield from () if passing is None else (passing,)
-    yield from () if other is None else (other.finding,)
-    yield from () if change is None else (change.finding(len(found.training) > 1),)
-    others = [each for each in (_better(found), _unexplained(found)) if each is not None]
-    if found.fit.turning and (others or found.force_model.free_friction):
-        yield _turning_friction(found)
-    yield from others
+    turns = found.fit.turning and (any(others) or found.force_model.free_friction)
+    said = (
+        _of_single_moves(found),
+        _passing(found),
+        None if other is None else other.finding,
+        None if change is None else change.finding(len(found.training) > 1),
+        _turning_friction(found) if turns else None,
+        *others,
+    )
+    return [each for each in said if each is not None]
 
 
 def _passing(found: Outcome) -> Finding | None:

@@ -5,7 +5,6 @@ from .preparing import prepare as prepare
 from .reading import read_log as read_log
 from .recording import (
     FilterOptions as FilterOptions,
-    MaskOptions as MaskOptions,
     Recording as Recording,
     wrench_forces as wrench_forces,
 )

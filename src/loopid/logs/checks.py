@@ -162,7 +162,7 @@ def _require_usual_step(stream: Stream) -> None:
 def _require_units(robot: Robot, stream: Stream) -> None:
     """Refuse columns whose header has a unit of slides where the joint turns, or of hinges."""
     for what in (one for one in stream.channels if one.quantity in QUANTITIES):
-        straight = robot.velocity_indices([what.joint])[0] in robot.prismatic
+        straight = robot.slides(what.joint)
         if what.straight is not None and what.straight != straight:
             said = ("turns", "slides") if what.straight else ("slides", "turns")
             raise stream.refused(
@@ -192,10 +192,9 @@ def _inside_limits(robot: Robot, stream: Stream) -> Stream:
                 f"{rows_text(stream.rows[shown])} of {len(values)}, at worst {worst:g}"
             )
             if refused:
-                straight = robot.velocity_indices([joint])[0] in robot.prismatic
+                straight = robot.slides(joint)
                 every = [stream.channels[place] for place in stream.places("position")]
-                slides = [robot.velocity_indices([c.joint])[0] in robot.prismatic for c in every]
-                alike = [c for c, s in zip(every, slides, strict=True) if s == straight]
+                alike = [c for c in every if robot.slides(c.joint) == straight]
                 scales = {c.joint: c.scale for c in alike}
                 # A number for all would scale hinges and slides, or what has a scale of its own.
                 mixed = len(alike) < len(every) or len({*scales.values()}) > 1
@@ -251,7 +250,7 @@ def _unwrapped(robot: Robot, stream: Stream) -> Stream:
         name = stream.channels[k].joint
         if robot.joint(name).nq == 2:
             values[:, k] = np.unwrap(values[:, k])
-        elif robot.velocity_indices([name])[0] not in robot.prismatic:
+        elif not robot.slides(name):
             low, high = robot.limits(name)
             if high - low > 2 * np.pi:
                 values[:, k] = np.unwrap(values[:, k], discont=RESET)

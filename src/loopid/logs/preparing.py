@@ -10,9 +10,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations, pairwise
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
 from loopid.arguments import (
     BoolArray,
@@ -32,13 +33,14 @@ from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.checks import check_log, require_known_motion, spikes_of
 from loopid.logs.grid import MOST_NAMED, Dropped
 from loopid.logs.log import ExternalWrench, Log, renumbered
-from loopid.logs.recording import FilterOptions, MaskOptions, RateHistory, Recording, reach_of
+from loopid.logs.recording import FilterOptions, RateHistory, Recording, least_logged, reach_of
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
 from loopid.progress import Progress
 from loopid.records import derived
 from loopid.robot.robot import Robot
 
+Threshold: TypeAlias = Annotated[float, Field(ge=0, le=1)]
 LEAST_SAMPLES = 3  # what it takes to differentiate
 BLOCK = 8192  # samples assembled together: fewer repeat the coarse steps, more take memory
 # Where more of the samples do not close, exchanged columns are tried in some of them, and given
@@ -78,7 +80,7 @@ def prepare(
     log: Log,
     *,
     filter: FilterOptions = FilterOptions(),  # noqa: A002
-    masks: MaskOptions = MaskOptions(),
+    singularity_threshold: Threshold | None = None,
     known: JointMotion | None = None,
     progress: Progress | None = None,
 ) -> Recording:
@@ -92,8 +94,10 @@ def prepare(
     filter : FilterOptions
         Of positions and forces alike. Without a cut-off of its own that is six times the band of
         the motion, until ``identify`` chooses one.
-    masks : MaskOptions
-        Which samples say nothing.
+    singularity_threshold : float, optional
+        Samples with a smaller singularity measure are left out; by default a quarter of what random
+        poses keep (``SamplingOptions``): 0.005, or down to 0.001 where the geometry hardly
+        allows it.
     known : JointMotion, optional
         The same motion with another filter: loops close sooner from its samples.
     progress : callable, optional
@@ -148,7 +152,8 @@ def prepare(
     rows, ends = kept_rows(log, lowpass, filter)
     logged = measured_motion(robot, log, signals)
     measured = JointCoordinates(robot, robot.measured).read(logged.configurations[rows])
-    found = assemble_samples(robot, log, measured, rows, masks, known=known, progress=progress)
+    least = least_logged(robot) if singularity_threshold is None else singularity_threshold
+    found = assemble_samples(robot, log, measured, rows, least, known=known, progress=progress)
     segments, rows = renumbered(log.segments[rows], found.good), rows[found.good]
     for fault in misplaced_motors(robot, logged.configurations[rows], found.configurations):
         warn(f"{log.name}: {fault}", DataWarning)
@@ -188,7 +193,7 @@ def prepare(
         cutoff=None if lowpass is None else lowpass.cutoff,
         history=history,
         filter=filter,
-        masks=masks,
+        singularity_threshold=singularity_threshold,
         log=None if read.static else read,
     )
     wrenches = [replace(one, values=one.values[rows]) for one in signals.wrenches]
@@ -204,22 +209,31 @@ def prepare_again(
     A log of which several are parts is prepared once. No warning of when it was first prepared is
     repeated. A recording without a log, of a motion that is known exactly, stays as it is.
     """
-    whole: dict[tuple[int, FilterOptions, MaskOptions], Recording] = {}
+    whole: dict[tuple[int, FilterOptions, float | None], Recording] = {}
     found = []
     for run in recordings:
         if run.log is None:
             found.append(run)
             continue
         filtered = replace(run.filter or FilterOptions(), **changed)
-        options = filtered, run.masks or MaskOptions()
-        key = id(run.log), *options
+        key = id(run.log), filtered, run.singularity_threshold
         if key not in whole:
-            known = run.history.whole[1] if run.history else run.motion
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                whole[key] = prepare(robot, run.log, filter=filtered, masks=options[1], known=known)
+            whole[key] = quietly_prepared(robot, run, run.log, filtered)
         found.append(whole[key].within(run))
     return tuple(found)
+
+
+def quietly_prepared(robot: Robot, run: Recording, log: Log, options: FilterOptions) -> Recording:
+    """A log, or a part, of a recording with other options; its loops close sooner from that."""
+    known = run.history.whole[1] if run.history else run.motion
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # given when it was first prepared
+        return prepare(
+            *(robot, log),
+            filter=options,
+            singularity_threshold=run.singularity_threshold,
+            known=known,
+        )
 
 
 def at_cutoff(
@@ -457,12 +471,15 @@ def assemble_samples(
     log: Log,
     measured: FloatArray,
     rows: IntArray,
-    masks: MaskOptions,
+    least: float,
     *,
     known: JointMotion | None = None,
     progress: Progress | None = None,
 ) -> Assembled:
-    """Assemble rows of a log, with ``robot.measured`` at values (K, c); warns of those left out."""
+    """Assemble rows of a log, with ``robot.measured`` at values (K, c); warns of those left out.
+
+    Those are open, or have less than the least singularity measure.
+    """
     time, last = log.time[rows], None
     configurations, singularity, residual, closed = [], [], [], []
     for block in row_blocks(len(rows), BLOCK):
@@ -494,7 +511,6 @@ def assemble_samples(
                 tolerance=UNASSEMBLED,
             )
         warn(f"{said}: left out", DataWarning)
-    least = masks.least(robot)
     regular = measure >= least
     if not regular.all():
         near = good.copy()
@@ -527,7 +543,7 @@ def misplaced_motors(robot: Robot, logged: FloatArray, closed: FloatArray) -> It
         least = OFF * max(robot.coordinate_scales[joints.known[k]], ranges[k])
         if rms <= least:
             continue
-        unit = "m" if joints.known[k] in robot.prismatic else "rad"
+        unit, _ = robot.units(name)
         size = f"by {rms:.3g} {unit} rms"
         do = "look for a wrong sign, scale or length of the robot file, or exchanged columns"
         if np.sqrt(max(rms**2 - middle**2, 0.0)) <= least:

@@ -26,7 +26,6 @@ from loopid.logs.preparing import prepare
 from loopid.logs.recording import FilterOptions, Recording
 from loopid.logs.signals import ColumnFinder
 from loopid.logs.table import LogFormat, numbers_in, stream_name
-from loopid.motion.joints import JointMotion
 from loopid.progress import Progress
 from loopid.registry import log_formats
 from loopid.robot.robot import Robot
@@ -132,24 +131,15 @@ def read_recording(
     *,
     rows: tuple[int, int | None] | None = None,
     filter: FilterOptions = FilterOptions(),  # noqa: A002
+    forces: bool = True,
     progress: Progress | None = None,
 ) -> Recording:
-    """Read a log and make it ready; see ``read_log`` and ``prepare``."""
-    log = read_log(path, robot, mapping=mapping, rows=rows)
+    """Read a log and make it ready; see ``read_log`` and ``prepare``.
+
+    Of a motion that was commanded, without ``forces``: those that a log has are passed over.
+    """
+    log = _read(path, robot, mapping, rows, forces=forces)
     return prepare(robot, log, filter=filter, progress=progress)
-
-
-def read_commanded(
-    path: str | Path,
-    robot: Robot,
-    mapping: LogMapping | str | Path | None = None,
-    *,
-    filter: FilterOptions = FilterOptions(),  # noqa: A002
-    progress: Progress | None = None,
-) -> JointMotion:
-    """The commanded motion of a log, which needs no forces, filtered as a measured one is."""
-    log = _read(path, robot, mapping, forces=False)
-    return prepare(robot, log, filter=filter, progress=progress).motion
 
 
 def _existing(path: str | Path) -> Path:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from html import escape
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field
 
 from loopid.arguments import (
     BoolArray,
@@ -95,32 +94,10 @@ def reach_of(lowpass: LowPass | None, rate: float) -> int:
     return int(np.ceil(REACH * max(lowpass.order, 2) / 2 * rate / lowpass.cutoff))
 
 
-@record(kw_only=True, checked=True)
-class MaskOptions:
-    """Which samples say nothing about the model.
-
-    Attributes
-    ----------
-    singularity_threshold : float, optional
-        Samples with a smaller singularity measure are left out; by default a quarter of what random
-        poses keep (``SamplingOptions``): 0.005, or down to 0.001 where the geometry hardly
-        allows it.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> loopid.logs.MaskOptions(singularity_threshold=0.02).singularity_threshold
-    0.02
-    """
-
-    singularity_threshold: Annotated[float, Field(ge=0, le=1)] | None = None
-
-    def least(self, robot: Robot) -> float:
-        """Singularity measure that samples of a robot keep."""
-        if self.singularity_threshold is not None:
-            return self.singularity_threshold
-        least = LOGGED * least_measure(robot)
-        return least if robot.singularity_threshold is not None else max(least, NEAR_SINGULARITY)
+def least_logged(robot: Robot) -> float:
+    """Singularity measure that samples of logs keep, where nothing else is said."""
+    least = LOGGED * least_measure(robot)
+    return least if robot.singularity_threshold is not None else max(least, NEAR_SINGULARITY)
 
 
 @record
@@ -230,7 +207,7 @@ class Recording(Tabular):
         Of the low-pass filter in Hz; None without one.
     history : RateHistory or None
         What samples of steps in the forces are filtered from; None without a filter.
-    filter, masks : FilterOptions and MaskOptions, or None
+    filter, singularity_threshold : FilterOptions or None, float or None
         With which it was prepared.
     log : Log or None
         As it was read, for ``prepare_again``; None of a motion that is known exactly, and of poses
@@ -259,7 +236,7 @@ class Recording(Tabular):
     cutoff: float | None = None
     history: RateHistory | None = None
     filter: FilterOptions | None = None
-    masks: MaskOptions | None = None
+    singularity_threshold: float | None = None
     log: Log | None = None
     external: FloatArray | None = None
     wrenches: tuple[str, ...] = ()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -86,20 +85,13 @@ class Place:
             self.refuse(f"more than {MOST_WAYS} ways in one motion", count=count, valid=MOST_WAYS)
 
 
-class StepDescription(Section):
-    """A step of a motion."""
-
-    @abstractmethod
-    def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
-        """What the step does from where it begins (c,); a RobotFileError names its place."""
-
-
-class HoldStep(StepDescription):
+class HoldStep(Section):
     """Stay for some seconds."""
 
     hold: Positive
 
     def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
+        """What a step does from where it begins (c,); a RobotFileError names its place."""
         return [Waypoint(here, self.hold)]
 
 
@@ -110,7 +102,7 @@ class ArcDescription(Section):
     flatness: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
 
-class MoveStep(StepDescription):
+class MoveStep(Section):
     """Move the coordinates that are named, in a time or at the average speed of the only one."""
 
     to: Pose
@@ -147,7 +139,7 @@ class MoveStep(StepDescription):
         return max(place.shortest, *(x / place.speeds[name] for name, x in changes.items()))
 
 
-class RepeatStep(StepDescription):
+class RepeatStep(Section):
     """Do some steps several times."""
 
     repeat: Annotated[int, Field(ge=1)]
@@ -162,7 +154,7 @@ class RepeatStep(StepDescription):
         return found
 
 
-class ThereAndBackStep(StepDescription):
+class ThereAndBackStep(Section):
     """Do some steps, then others that end where they begin, then the first ones backwards."""
 
     there_and_back: Steps
@@ -194,7 +186,7 @@ class HarmonicsDescription(Section):
     cosine: list[float]
 
 
-class FourierStep(StepDescription):
+class FourierStep(Section):
     """One period of Fourier series, from rest to rest."""
 
     fourier: Annotated[dict[str, HarmonicsDescription], Field(min_length=1)]
@@ -215,7 +207,7 @@ class FourierStep(StepDescription):
             inside.refuse(str(error))
 
 
-class SplineStep(StepDescription):
+class SplineStep(Section):
     """A spline through poses at equal times and back, from rest to rest."""
 
     spline: Annotated[list[Pose], Field(min_length=1)]

@@ -412,27 +412,10 @@ class PaperReproduction:
 def reproduce_paper(
     logs: Sequence[str] = (), seed: int = 0, stage: Stage | None = None, rate: float = RATE
 ) -> PaperReproduction:
-    """Compute the paper's tables and figures.
+    """Compute the paper's tables and figures, with forces that are simulated at a rate in Hz.
 
-    Parameters
-    ----------
-    logs : sequence of path
-        Logs of the real 3UPS+RPU; a simulated stand-in takes its place without them.
-    seed : int
-        Of all noise.
-    stage : callable, optional
-        Opens a progress bar with a title.
-    rate : float
-        Samples a second of the simulated forces.
-
-    Raises
-    ------
-    OptionError
-        When the seed is negative, or the rate not positive.
-    LogError, FileError
-        When a log cannot be used, before anything is computed.
-    MissingExtraError
-        When SymPy, which derives the symbolic model, is not installed.
+    Logs are those of the real 3UPS+RPU; without them a simulated stand-in takes its place. What
+    cannot be used is refused before anything is computed. SymPy derives the symbolic model.
     """
     stage = stage or (lambda title: nullcontext(lambda done, total: None))
     robot = load("3ups_rpu")

@@ -8,7 +8,6 @@ from loopid.arguments import checked
 from loopid.excitation.design import ExcitationDesign
 from loopid.plots.chart import Chart, Mark, Panel
 from loopid.plots.pictures import ZOOM, of_motor
-from loopid.plots.structure import force_unit
 
 
 @checked
@@ -36,7 +35,7 @@ def motion_chart(found: ExcitationDesign) -> Chart:
     limits = {check.name: (check.lower, check.upper) for check in found.checks}
     span = motors.time[[0, -1]]
     for k, name in enumerate(motors.names):
-        unit = force_unit(robot, name)
+        unit = robot.units(name)[1]
         marks = [Mark("position", motors.time, motors.position[:, k], "measured")]
         for end in limits.get(f"position of {name}", ()):
             if np.isfinite(end):

@@ -28,7 +28,6 @@ from loopid.numbers import NORMAL_95, SUM_ROUND_OFF, number, with_error
 from loopid.parameters import KINDS, Parameter
 from loopid.plots.chart import Chart, Mark, Panel, forest, segments
 from loopid.plots.pictures import motors_panel, numbered, of_motor
-from loopid.plots.structure import force_unit
 from loopid.regressors.joint_laws import grouped, joint_term
 from loopid.robot.robot import Robot
 
@@ -93,7 +92,7 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
         if not abs(change) >= 1:
             beside = "as by the file"
         size = " ± ".join(with_error(float(rms[k]), float(spreads[k])))
-        note = f"{size} {force_unit(robot, motor)}, {beside}"
+        note = f"{size} {robot.units(motor)[1]}, {beside}"
         said = of_motor(robot, motor, worst) | {"labels": tuple(labels), "note": note}
         panels.append(Panel("", tuple(marks), x_limits=(-0.04 * most, most), **said))
     caption = (
@@ -152,14 +151,14 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         parts = zip(words, friction[joint], strict=True)
         note = ", ".join(f"{word} {value_text(each, fit.assumed)}" for word, each in parts if each)
         said = of_motor(robot, joint, worst) | {"note": note, "y_limits": limits}
-        panels.append(Panel(f"friction ({force_unit(robot, joint)})", tuple(marks), **said))
+        panels.append(Panel(f"friction ({robot.units(joint)[1]})", tuple(marks), **said))
     caption = "Friction over the rate of each motor, by the recommended fit."
     return _by_motor("friction", caption, f"rate ({_units(robot, 'rad/s', 'm/s')})", panels)
 
 
 def _units(robot: Robot, turning: str, sliding: str) -> str:
     """Unit of all motors; both where some turn and some slide."""
-    both = {sliding if force_unit(robot, name) == "N" else turning for name in robot.actuated}
+    both = {sliding if robot.slides(name) else turning for name in robot.actuated}
     return " or ".join(sorted(both, reverse=True))
 
 
@@ -201,7 +200,7 @@ def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
     for joint in hysteretic_joints(fit):
         loop = hysteresis_loop(fit, joint)
         marks = _banded(1e3 * loop.displacement, loop.force, loop.band)
-        title = f"friction ({force_unit(robot, joint)})"
+        title = f"friction ({robot.units(joint)[1]})"
         panels.append(Panel(title, tuple(marks), **of_motor(robot, joint, worst)))
     caption = (
         "Friction over the displacement of a slow way to and fro, by the recommended fit: what "

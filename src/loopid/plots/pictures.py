@@ -14,7 +14,7 @@ from loopid.identification.prediction import Prediction
 from loopid.identification.result import Fit
 from loopid.numbers import NORMAL_95, interval, number, with_error
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel, forest, segments
-from loopid.plots.structure import force_unit, motor_numbers
+from loopid.plots.structure import motor_numbers
 from loopid.regressors.joint_laws import grouped
 from loopid.robot.robot import Robot
 
@@ -104,7 +104,7 @@ def forces_chart(
     for motor in chosen:
         OptionError.require("motor", motor, run.actuators)
         k = run.actuators.index(motor)
-        used, force, unit = run.used[:, k], run.force[:, k], force_unit(robot, motor)
+        used, force, unit = run.used[:, k], run.force[:, k], robot.units(motor)[1]
         first, end = segments(~used).T
         ends = time[np.minimum(end, len(time) - 1)]
         shade = Mark(NOT_JUDGED, time[first], np.zeros(len(first)), "faint", "shade", ends)

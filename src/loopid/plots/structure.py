@@ -23,11 +23,6 @@ SPIRAL, GOLDEN = 4000, np.pi * (3 - np.sqrt(5))
 HIGHEST = 1e20  # condition number that is drawn; larger ones are drawn there
 
 
-def force_unit(robot: Robot, joint: str) -> str:
-    """Unit of a motor's force: N where it slides, N m where it turns."""
-    return "N" if robot.velocity_indices([joint])[0] in robot.prismatic else "N m"
-
-
 def motor_numbers(robot: Robot) -> dict[str, int]:
     """What motors are called on all charts: first those with a row of the forces, then redundant.
 

@@ -244,16 +244,11 @@ def _falling(joint: JointState, at: float) -> Any:
     return (RATIO - joint.math.fabs(joint.rate) / at) / (RATIO - 1)
 
 
-def _hat(joint: JointState, at: float) -> Any:
-    return joint.math.fmax(0.0, joint.math.fmin(_rising(joint, at), _falling(joint, at)))
-
-
-def _first_hat(joint: JointState, at: float) -> Any:
-    return joint.math.fmax(0.0, joint.math.fmin(1.0, _falling(joint, at)))
-
-
-def _last_hat(joint: JointState, at: float) -> Any:
-    return joint.math.fmax(0.0, joint.math.fmin(_rising(joint, at), 1.0))
+def _hat(joint: JointState, at: float, first: bool = False, last: bool = False) -> Any:
+    """1 at the rate, 0 at those before and after it; the first is flat below, the last above."""
+    below = 1.0 if first else _rising(joint, at)
+    above = 1.0 if last else _falling(joint, at)
+    return joint.math.fmax(0.0, joint.math.fmin(below, above))
 
 
 def _alike(rates: FloatArray, none: float) -> FloatArray:
@@ -379,10 +374,10 @@ for _kind, _term in {
     ),
     "Fc~RATE": _coulomb("smooth Coulomb friction", lambda joint, at: joint.sign(at)),
     "Fs~RATE": JointTerm("Stribeck friction", ("N", "N m"), _stribeck, ("rate", "sign")),
-    "Fk0~RATE": _point("friction curve", lambda j, at: _first_hat(j, at) * j.sign(), CURVE),
+    "Fk0~RATE": _point("friction curve", lambda j, at: _hat(j, at, first=True) * j.sign(), CURVE),
     "Fk~RATE": _point("friction curve", lambda j, at: _hat(j, at) * j.sign(), CURVE),
     "Fa~RATE": _point("friction asymmetry", _hat, ASYMMETRY),
-    "Fa1~RATE": _point("friction asymmetry", _last_hat, ASYMMETRY),
+    "Fa1~RATE": _point("friction asymmetry", lambda j, at: _hat(j, at, last=True), ASYMMETRY),
     "Ft": JointTerm(
         "load friction",
         ("1", "1"),

@@ -37,13 +37,7 @@ PAIR = {
 
 
 def comparison_report(files: dict[str, FitFile]) -> Report:
-    """Values of saved fits by the name of their run, matched by what they are sums of.
-
-    Raises
-    ------
-    OptionError
-        When there are fewer than two, or they have no parameter in common.
-    """
+    """Values of saved fits by the name of their run, matched by what they are sums of."""
     if len(files) < 2:
         raise OptionError(f"two fits or more can be compared, not {len(files)}", given=len(files))
     fits = {name: Fit(**file.estimates) for name, file in files.items()}

@@ -13,7 +13,7 @@ from loopid.files import csv_text
 from loopid.motion.files import motion_text
 from loopid.numbers import number
 from loopid.plots.excitation import errors_chart, motion_chart
-from loopid.plots.structure import force_unit, robot_chart
+from loopid.plots.structure import robot_chart
 from loopid.records import json_value
 from loopid.report.look import json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, panel_table
@@ -130,7 +130,7 @@ def _noise(found: ExcitationDesign) -> Table:
     robot, sizes = found.force_model.robot, np.sqrt((found.forces**2).mean(axis=0))
     parts = 100 * found.noise / np.where(sizes > 0, sizes, np.nan)
     rows = (
-        (name, f"{noise:.3g} {force_unit(robot, name)}", f"{number(part, 3)} %")
+        (name, f"{noise:.3g} {robot.units(name)[1]}", f"{number(part, 3)} %")
         for name, noise, part in zip(robot.actuated, found.noise, parts, strict=True)
     )
     title = f"assumed noise, independent at {found.options.rate:g} Hz"

@@ -20,7 +20,7 @@ from loopid.identification.verdict import GOOD
 from loopid.numbers import interval, number, with_error
 from loopid.plots.chart import Chart, Mark
 from loopid.plots.pictures import forces_chart, motors_panel, numbered
-from loopid.plots.structure import force_unit, robot_chart
+from loopid.plots.structure import robot_chart
 from loopid.records import json_value
 from loopid.report.look import json_fields, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
@@ -118,7 +118,7 @@ def _prediction_record(found: Prediction) -> dict[str, Any]:
 
 def _prediction_table(robot: Robot, found: Prediction) -> Table:
     motors, moving, rest = found.recording.actuators, found.moving, found.standing
-    units = [force_unit(robot, motor) for motor in motors]
+    units = [robot.units(motor)[1] for motor in motors]
     columns = {
         "motor": lambda k: numbered(robot, motors[k]),
         ">moving": lambda k: f"{moving.samples[k]:,}",

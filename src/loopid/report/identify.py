@@ -24,7 +24,7 @@ from loopid.numbers import interval, number, root, with_error
 from loopid.parameters import KINDS
 from loopid.plots import identified as charts
 from loopid.plots.pictures import alone, forces_chart
-from loopid.plots.structure import force_unit, robot_chart
+from loopid.plots.structure import robot_chart
 from loopid.records import json_value
 from loopid.report.look import json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone
@@ -273,7 +273,7 @@ def identification_record(found: Identification, judged: Verdict | None = None) 
 def _errors(found: Identification, k: int) -> dict[str, Any]:
     """Errors on new data of a motor, in parts of its force, as the page shows them."""
     robot, motor = found.force_model.robot, found.force_model.robot.independent[k]
-    said: dict[str, Any] = {"motor": motor, "number": k + 1, "unit": force_unit(robot, motor)}
+    said: dict[str, Any] = {"motor": motor, "number": k + 1, "unit": robot.units(motor)[1]}
     for name, candidate in (("fit", found.recommended), ("robot_file", found.baseline)):
         error, spread = (float(each[k]) for each in found.relative_errors(candidate))
         said[name] = {"error": error, "standard_error": spread}

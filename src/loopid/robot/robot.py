@@ -339,6 +339,14 @@ class Robot:
                 ]
         return np.flatnonzero(sliding)
 
+    def slides(self, name: str) -> bool:
+        """Whether a coordinate is one in m, as its joint slides; all others are in rad."""
+        return bool(self.velocity_indices([name])[0] in self.prismatic)
+
+    def units(self, name: str) -> tuple[str, str]:
+        """Units of a coordinate and of the force along it: m and N, or rad and N m."""
+        return ("m", "N") if self.slides(name) else ("rad", "N m")
+
     def limits(self, name: str) -> tuple[float, float]:
         """Lower and upper limit of a joint with one coordinate, infinite where there is none."""
         low, high = (float(limits[self.joint(name).idx_q]) for limits in self.position_limits)

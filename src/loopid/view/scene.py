@@ -89,11 +89,11 @@ class Scene:
         self._rods = link_rods(robot)
 
     def _slider(self, joint: str, at: float) -> Slider:
-        slides = self.robot.velocity_indices([joint])[0] in self.robot.prismatic
-        reach = self.robot.length / 2 if slides else np.pi
+        reach = self.robot.length / 2 if self.robot.slides(joint) else np.pi
         low, high = np.where(np.isinf(self.robot.limits(joint)), (at - reach, at + reach),
                              self.robot.limits(joint))  # fmt: skip
-        return Slider(joint, "m" if slides else "rad", float(min(low, at)), float(max(high, at)))
+        unit, _ = self.robot.units(joint)
+        return Slider(joint, unit, float(min(low, at)), float(max(high, at)))
 
     def at(self, configuration: FloatArray) -> ScenePose:
         """What is where at a configuration (nq,), closed or not."""
