@@ -23,13 +23,27 @@ from loopid.records import Tabular, record
 
 @record
 class Agreement(Tabular):
-    """Differences between the base parameters that two fits have in common."""
+    """Differences between the base parameters that two fits have in common.
 
-    expressions: tuple[str, ...]  # of the k base parameters
-    differences: FloatArray  # (k,), the second fit's less the first one's
-    standard_errors: FloatArray  # (k,), of the differences
-    degrees_of_freedom: FloatArray  # (k,)
-    others: int  # parameters that one fit alone has, or that rest on the robot file in one
+    Attributes
+    ----------
+    expressions : tuple of str
+        Of the k base parameters.
+    differences : FloatArray
+        (k,), the second fit's less the first one's.
+    standard_errors : FloatArray
+        (k,), of the differences.
+    degrees_of_freedom : FloatArray
+        (k,).
+    others : int
+        Parameters that one fit alone has, or that rest on the robot file in one.
+    """
+
+    expressions: tuple[str, ...]
+    differences: FloatArray
+    standard_errors: FloatArray
+    degrees_of_freedom: FloatArray
+    others: int
 
     def _table(self) -> dict[str, object]:
         return {

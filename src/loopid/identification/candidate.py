@@ -22,20 +22,36 @@ NO_DIFFERENCE = 1e-9  # of mean squared errors: smaller ones are round-off
 
 @record
 class Candidate:
-    """Values for all parameters of a force model, beside those of a baseline."""
+    """Values for all parameters of a force model, beside those of a baseline.
+
+    Attributes
+    ----------
+    name : str
+    fit : Fit
+        All n values, with their uncertainty.
+    validation : Quality
+        On data that were not fitted.
+    predicted : FloatArray
+        (N, dof) forces on these data, by fits that have not seen them.
+    rms_errors : tuple of FloatArray
+        Standard errors (dof,) of the rms on training and on validation data, in N or N m.
+    error_ratio : tuple of float
+        Mean squared validation error over that of the baseline, the geometric mean over the motors;
+        and its standard error.
+    motor_ratios : FloatArray
+        (dof,), that of each motor; NaN without samples.
+    regions : FloatArray or None
+        (dof,), root mean square errors on regions of states that were left out; None where these
+        were not.
+    """
 
     name: str
-    fit: Fit  # all n values, with their uncertainty
-    validation: Quality  # on data that were not fitted
-    predicted: FloatArray  # (N, dof) forces on these data, by fits that have not seen them
-    # Standard errors (dof,) of the rms on training and on validation data, in N or N m
+    fit: Fit
+    validation: Quality
+    predicted: FloatArray
     rms_errors: tuple[FloatArray, FloatArray]
-    # Mean squared validation error over that of the baseline, the geometric mean over the motors;
-    # and its standard error
     error_ratio: tuple[float, float]
-    motor_ratios: FloatArray  # (dof,), that of each motor; NaN without samples
-    # (dof,), root mean square errors on regions of states that were left out; None where these were
-    # not
+    motor_ratios: FloatArray
     regions: FloatArray | None = None
 
     @property

@@ -50,18 +50,29 @@ LONGEST, SECTIONS = 200_000, 5
 
 @record
 class CutoffChoice(WithFindings):
-    """Cut-offs that were tried, and the one chosen."""
+    """Cut-offs that were tried, and the one chosen.
 
-    cutoffs: FloatArray  # (k,) in Hz, ascending
-    # (k - 1,), how far predicted forces move from each cut-off to the next: root mean squares, in
-    # parts of each motor's error
+    Attributes
+    ----------
+    cutoffs : FloatArray
+        (k,) in Hz, ascending.
+    changes : FloatArray
+        (k - 1,), how far predicted forces move from each cut-off to the next: root mean squares, in
+        parts of each motor's error.
+    chosen : float
+        In Hz.
+    bound : str
+        What kept a better one from being tried: ``"lowest"`` the band of the motion, ``"length"``
+        that of the log, ``"rate"`` its samples per second, ``"alone"`` these two; empty otherwise.
+    equally_good : FloatArray
+        (j,) in Hz, ascending: those around which estimates change as little; the chosen one is in
+        their middle.
+    """
+
+    cutoffs: FloatArray
     changes: FloatArray
-    chosen: float  # in Hz
-    # What kept a better one from being tried: ``"lowest"`` the band of the motion, ``"length"``
-    # that of the log, ``"rate"`` its samples per second, ``"alone"`` these two; empty otherwise
+    chosen: float
     bound: str = ""
-    # (j,) in Hz, ascending: those around which estimates change as little; the chosen one is in
-    # their middle
     equally_good: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __repr__(self) -> str:

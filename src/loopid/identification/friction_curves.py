@@ -40,12 +40,23 @@ TURNS = 0.1
 
 @record
 class FrictionCurve(Tabular):
-    """Friction of a joint over its rate, with a 95 % band."""
+    """Friction of a joint over its rate, with a 95 % band.
+
+    Attributes
+    ----------
+    joint : str
+    rates : FloatArray
+        (k,), in m/s or rad/s.
+    values : FloatArray
+        (k,), in N or N m, along the rate.
+    band : FloatArray
+        (k, 2), ends of the 95 % intervals.
+    """
 
     joint: str
-    rates: FloatArray  # (k,), in m/s or rad/s
-    values: FloatArray  # (k,), in N or N m, along the rate
-    band: FloatArray  # (k, 2), ends of the 95 % intervals
+    rates: FloatArray
+    values: FloatArray
+    band: FloatArray
 
     def _table(self) -> dict[str, FloatArray]:
         low, high = self.band.T
@@ -104,15 +115,24 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
 
 @record
 class FrictionSummary(Tabular):
-    """Friction of each motor in four numbers, ``Estimate`` or None where it has none."""
+    """Friction of each motor in four numbers, ``Estimate`` or None where it has none.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    coulomb, viscous : tuple of Estimate
+        Of the line that the curve goes on as; None where it differs by direction.
+    standstill : tuple of Estimate
+        How much more there is at standstill than the line's Coulomb friction.
+    load : tuple of Estimate
+        Part of the motor's force that its gear loses.
+    """
 
     joints: tuple[str, ...]
-    # Of the line that the curve goes on as; None where it differs by direction
     coulomb: tuple[Estimate | None, ...]
     viscous: tuple[Estimate | None, ...]
-    # How much more there is at standstill than the line's Coulomb friction
     standstill: tuple[Estimate | None, ...]
-    load: tuple[Estimate | None, ...]  # part of the motor's force that its gear loses
+    load: tuple[Estimate | None, ...]
 
     def _table(self) -> list[dict[str, Any]]:
         return [
@@ -269,13 +289,23 @@ def of_friction(kind: str) -> bool:
 
 @record
 class FrictionLine:
-    """Coulomb and viscous friction that is nearest to a curve, for what knows no other."""
+    """Coulomb and viscous friction that is nearest to a curve, for what knows no other.
+
+    Attributes
+    ----------
+    joint : str
+    coulomb, viscous : float
+    off : float
+        Largest distance of the curve from it, in N or N m.
+    rates : tuple of float
+        Between which, in m/s or rad/s.
+    """
 
     joint: str
     coulomb: float
     viscous: float
-    off: float  # largest distance of the curve from it, in N or N m
-    rates: tuple[float, float]  # between which, in m/s or rad/s
+    off: float
+    rates: tuple[float, float]
 
     @property
     def sentence(self) -> str:

@@ -85,15 +85,29 @@ def _elements(recordings: Sequence[Recording], joint: str) -> tuple[str, ...]:
 
 @record
 class HysteresisLoop(Tabular):
-    """Friction of a joint over a slow way to and fro, with a 95 % band."""
+    """Friction of a joint over a slow way to and fro, with a 95 % band.
+
+    Attributes
+    ----------
+    joint : str
+    unit : str
+        ``"m"`` or ``"rad"``, of displacements.
+    way : float
+        Displacement after a reversal at which 63 % of the force that builds up have changed sides.
+    displacement : FloatArray
+        (k,), along a closed loop.
+    force : FloatArray
+        (k,), in N or N m.
+    band : FloatArray
+        (k, 2), ends of the 95 % intervals.
+    """
 
     joint: str
-    unit: str  # ``"m"`` or ``"rad"``, of displacements
-    # Displacement after a reversal at which 63 % of the force that builds up have changed sides
+    unit: str
     way: float
-    displacement: FloatArray  # (k,), along a closed loop
-    force: FloatArray  # (k,), in N or N m
-    band: FloatArray  # (k, 2), ends of the 95 % intervals
+    displacement: FloatArray
+    force: FloatArray
+    band: FloatArray
 
     @property
     def finding(self) -> tuple[str, str]:

@@ -36,12 +36,21 @@ RIDGE, SEEN = 1e-12, 1e-6  # of columns of unit length: what keeps, and what is,
 
 @record
 class LoadChange:
-    """A time from which on the bodies differ."""
+    """A time from which on the bodies differ.
 
-    name: str  # of the log
-    time: float  # in s, of the log
-    # Errors of all motors, in parts of their forces in the root mean square, with the same bodies
-    # all along, and with others from then on
+    Attributes
+    ----------
+    name : str
+        Of the log.
+    time : float
+        In s, of the log.
+    before, after : float
+        Errors of all motors, in parts of their forces in the root mean square, with the same bodies
+        all along, and with others from then on.
+    """
+
+    name: str
+    time: float
     before: float
     after: float
 
@@ -57,11 +66,20 @@ class LoadChange:
 
 @record
 class LogDifference:
-    """A log that differs from others."""
+    """A log that differs from others.
 
-    name: str  # of the log; of two the second
-    what: str  # ``"load"``, ``"size"`` of forces, or ``"time"``
-    # Errors of all motors, in parts of their forces in the root mean square, without and with it
+    Attributes
+    ----------
+    name : str
+        Of the log; of two the second.
+    what : str
+        ``"load"``, ``"size"`` of forces, or ``"time"``.
+    before, after : float
+        Errors of all motors, in parts of their forces in the root mean square, without and with it.
+    """
+
+    name: str
+    what: str
     before: float
     after: float
 

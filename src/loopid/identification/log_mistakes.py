@@ -64,25 +64,43 @@ MATTERS = 0.1  # of what bodies may be off, that a zero must move them by to be 
 
 @record
 class MotorGain:
-    """Measured force of a motor over what the bodies and the other motors predict."""
+    """Measured force of a motor over what the bodies and the other motors predict.
+
+    Attributes
+    ----------
+    joint : str
+    gain : float
+        1 where they agree, negative where it points the other way.
+    interval : tuple of float
+        Of 95 %, for bodies that may be off by half.
+    """
 
     joint: str
-    gain: float  # 1 where they agree, negative where it points the other way
-    interval: tuple[float, float]  # of 95 %, for bodies that may be off by half
+    gain: float
+    interval: tuple[float, float]
 
 
 @record
 class LogFaults:
-    """What is suspected of a log."""
+    """What is suspected of a log.
+
+    Attributes
+    ----------
+    recording : str
+    gains : tuple of MotorGain
+        Of each motor whose gain the log determines, once mistakes of other motors are undone.
+    mistakes : tuple of Finding
+        The likeliest first: which motors, how sure, and how to undo it.
+    hidden : Finding or None
+        Mistakes that the log would not show: forces are explained about as well with them.
+    singular : Finding or None
+        Singular poses that the log passes: mistakes are looked for in the samples clear of these.
+    """
 
     recording: str
-    # Of each motor whose gain the log determines, once mistakes of other motors are undone
     gains: tuple[MotorGain, ...] = ()
-    # The likeliest first: which motors, how sure, and how to undo it
     mistakes: tuple[Finding, ...] = ()
-    # Mistakes that the log would not show: forces are explained about as well with them
     hidden: Finding | None = None
-    # Singular poses that the log passes: mistakes are looked for in the samples clear of these
     singular: Finding | None = None
 
     @property

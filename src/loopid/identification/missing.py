@@ -66,25 +66,53 @@ DEPENDENT = 1e-6  # part of a column beside the fit's below which it adds nothin
 
 @record
 class MissingForce:
-    """A force of a motor that the model lacks; or a length of the file, or a zero, that is off."""
+    """A force of a motor that the model lacks; or a length of the robot file, or zero, that is off.
 
-    motor: str  # empty of a length or zero
-    law: str  # what it depends on, in words; of a length, where that is, of a zero the motor
-    size: float  # root mean square in N or N m, of a length or zero over all motors
-    share: float  # the same, in parts of the motor's force
-    chance: float  # probability of as clear a one where none is missing
-    left: float  # of the motor's squared error on segments left out, the part that is left with it
-    bias: FloatArray  # (n,), what it does to the estimates
-    moved: float  # the most of that in standard errors
-    do: str  # what to do; ``{terms}`` stands for joint terms of the motors
-    # ``"clear"`` or ``"likely"``, which both widen intervals; ``"hidden"``: this much of it would
-    # not show
+    Attributes
+    ----------
+    motor : str
+        Empty of a length or zero.
+    law : str
+        What it depends on, in words; of a length, where that is, of a zero the motor.
+    size : float
+        Root mean square in N or N m, of a length or zero over all motors.
+    share : float
+        The same, in parts of the motor's force.
+    chance : float
+        Probability of as clear a one where none is missing.
+    certainty : str
+        ``"clear"`` or ``"likely"``, which both widen intervals; ``"hidden"``: this much of it
+        would not show.
+    left : float
+        Of the motor's squared error on segments left out, the part that is left with it.
+    bias : FloatArray
+        (n,), what it does to the estimates.
+    moved : float
+        The most of that in standard errors.
+    do : str
+        What to do; ``{terms}`` stands for joint terms of the motors.
+    term : str
+        Kind of the joint term that it is; empty where there is none.
+    number : float
+        Of waves, or a spring's stiffness; 0 for other laws. Of a length the part that is missing,
+        of a zero how far it is off.
+    unit : str
+        Of these; none of a length.
+    """
+
+    motor: str
+    law: str
+    size: float
+    share: float
+    chance: float
+    left: float
+    bias: FloatArray
+    moved: float
+    do: str
     certainty: str = "clear"
-    term: str = ""  # kind of the joint term that it is; empty where there is none
-    # Of waves, or a spring's stiffness; 0 for other laws. Of a length the part that is missing, of
-    # a zero how far it is off.
+    term: str = ""
     number: float = 0.0
-    unit: str = ""  # of these; none of a length
+    unit: str = ""
 
     @property
     def matters(self) -> bool:

@@ -42,20 +42,30 @@ BLOCKS = 20  # of time, whose errors count as independent of each other
 
 @record
 class ModelChoice:
-    """Which model some recordings ask for, and why."""
+    """Which model some recordings ask for, and why.
 
-    model: str  # ``"full"``, or ``"gravity"`` where inertia does not show
+    Attributes
+    ----------
+    model : str
+        ``"full"``, or ``"gravity"`` where inertia does not show.
+    motors : tuple of str
+    shares : FloatArray
+        (dof,), inertial and Coriolis forces by the robot file, in parts of each motor's force, in
+        the root mean square where it moves; NaN where it does not.
+    factor, factor_error : float
+        Of these forces, beside gravity and friction, and its standard error. It is far above 1
+        where the file lacks rotors.
+    errors : mapping
+        By model (dof,): errors on segments left out, in parts of each motor's force. Bodies near
+        the robot file and friction of the motors, in the full model also their rotors, were fitted
+        to the other segments.
+    """
+
+    model: str
     motors: tuple[str, ...]
-    # (dof,), inertial and Coriolis forces by the robot file, in parts of each motor's force, in the
-    # root mean square where it moves; NaN where it does not
     shares: FloatArray
-    # Of these forces, beside gravity and friction, and its standard error. It is far above 1 where
-    # the file lacks rotors.
     factor: float
     factor_error: float
-    # By model (dof,): errors on segments left out, in parts of each motor's force. Bodies near the
-    # robot file and friction of the motors, in the full model also their rotors, were fitted to the
-    # other segments.
     errors: Mapping[str, FloatArray]
 
     @property

@@ -33,16 +33,30 @@ class ReductionStep:
     """A fit of some of the parameters, the others at their reference.
 
     Errors are mean squares in units of the error variance of the full model, each actuator's own.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        Names that are fitted.
+    dropped : str or None
+        Name that was dropped on the way here.
+    relative_std : float
+        Of the dropped one, in % of its distance from its reference, in the step before; NaN where
+        none was dropped.
+    values : FloatArray
+        (n,).
+    training_error : float
+        Over all actuators.
+    error : PredictionError
+        On the validation data, beside the best step.
     """
 
-    labels: tuple[str, ...]  # names that are fitted
-    dropped: str | None  # name that was dropped on the way here
-    # Of the dropped one, in % of its distance from its reference, in the step before; NaN where
-    # none was dropped
+    labels: tuple[str, ...]
+    dropped: str | None
     relative_std: float
-    values: FloatArray  # (n,)
-    training_error: float  # over all actuators
-    error: PredictionError  # on the validation data, beside the best step
+    values: FloatArray
+    training_error: float
+    error: PredictionError
 
 
 @record(checked="outside")
@@ -267,14 +281,22 @@ def _eliminations(
 
 
 class PredictionError(NamedTuple):
-    """How well values predict data that were not fitted, beside others."""
+    """How well values predict data that were not fitted, beside others.
 
-    # Mean square of scaled residuals over all actuators
+    Attributes
+    ----------
+    mean, standard_error : float
+        Mean square of scaled residuals over all actuators.
+    excess_error : float
+        Standard error of the mean less that of the best values; 0 for the best.
+    as_good : bool
+        Whether the mean is not clearly above the least: within one standard error of it
+        [Breiman1984] and two of the difference, or within 2 %.
+    """
+
     mean: float
     standard_error: float
-    excess_error: float  # standard error of the mean less that of the best values; 0 for the best
-    # Whether the mean is not clearly above the least: within one standard error of it [Breiman1984]
-    # and two of the difference, or within 2 %
+    excess_error: float
     as_good: bool
 
 

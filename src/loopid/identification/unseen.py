@@ -35,16 +35,27 @@ class UnseenErrors:
     """Root mean square errors of a candidate on unseen data by where, and sizes of the forces.
 
     Each is (dof,) in N or N m; NaN where there are no such data.
+
+    Attributes
+    ----------
+    whole : FloatArray
+    part : FloatArray
+        On the worst segment, or log where there are several.
+    regions : FloatArray
+        On regions of states that were left out.
+    slow, standstill : FloatArray
+        Of the slowest tenth of the samples in which a motor moves, and of those in which it stands:
+        what is beyond breakaway.
+    force : FloatArray
+        Root mean squares of the forces.
     """
 
     whole: FloatArray
-    part: FloatArray  # on the worst segment, or log where there are several
-    regions: FloatArray  # on regions of states that were left out
-    # Of the slowest tenth of the samples in which a motor moves, and of those in which it stands:
-    # what is beyond breakaway
+    part: FloatArray
+    regions: FloatArray
     slow: FloatArray
     standstill: FloatArray
-    force: FloatArray  # root mean squares of the forces
+    force: FloatArray
 
     @classmethod
     def of(
@@ -94,14 +105,25 @@ class UnseenErrors:
 
 @record
 class ErrorBurst:
-    """A short time in which errors stand out from those of all others."""
+    """A short time in which errors stand out from those of all others.
 
-    motor: str  # that errs most there, in parts of its force
-    name: str  # of the recording
-    # In s, of the recording
+    Attributes
+    ----------
+    motor : str
+        That errs most there, in parts of its force.
+    name : str
+        Of the recording.
+    start, end : float
+        In s, of the recording.
+    error : float
+        Root mean square there, in parts of the motor's force.
+    """
+
+    motor: str
+    name: str
     start: float
     end: float
-    error: float  # root mean square there, in parts of the motor's force
+    error: float
 
 
 def outstanding(fit: Fit, data: FitSamples, recordings: Sequence[Recording]) -> ErrorBurst | None:
