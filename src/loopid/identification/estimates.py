@@ -185,7 +185,8 @@ class Estimates(Tabular):
     @property
     def standard_errors(self) -> FloatArray:
         """Standard deviations (n,) of the estimates."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)), dtype=np.float64)
+        variances = np.maximum(np.diag(self.covariance), 0.0)  # of exact values they are round-off
+        return np.asarray(np.sqrt(variances), dtype=np.float64)
 
     @property
     def relative_std(self) -> FloatArray:
