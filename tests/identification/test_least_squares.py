@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,6 +54,12 @@ def test_weighted_estimates_equal_the_dense_computation(seed):
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(found.weights, weights, rtol=1e-6)
     assert (found.degrees_of_freedom == samples.used.sum() - 4).all()
+
+
+def test_exact_values_have_no_error_where_round_off_makes_variances_negative():
+    found = WeightedLeastSquares().fit(made().problem)
+    exact = replace(found, covariance=np.diag([-7e-52, 0.0, 4.0, 9.0]))
+    assert exact.standard_errors.tolist() == [0.0, 0.0, 2.0, 3.0]
 
 
 @given(st.integers(0, 10_000))
