@@ -247,11 +247,13 @@ def friction_doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatAr
     return np.sqrt(variance)
 
 
-def breakaway(fit: Estimates, joint: str) -> float:
-    """What friction of a joint holds at most next to standstill, either way, without loads."""
-    rates = np.finfo(float).tiny * np.array([-1.0, 1.0])
-    columns = friction_columns(fit, joint)
-    return float(np.abs(_laws(fit, joint, rates) @ fit.values[columns]).max()) if columns else 0.0
+def breakaway(fit: Estimates, joint: str, loads: FloatArray | float = 0.0) -> FloatArray:
+    """What friction of a joint holds at most next to standstill, either way, at loads (N,)."""
+    columns, most = friction_columns(fit, joint), 0.0
+    if columns:
+        rates = np.finfo(float).tiny * np.array([-1.0, 1.0])
+        most = np.abs(_laws(fit, joint, rates) @ fit.values[columns]).max()
+    return np.asarray(most + np.abs(loads) * fit.values[load_columns(fit, joint)].sum())
 
 
 def _between(laws: Sequence[JointTerm], speeds: FloatArray) -> FloatArray:

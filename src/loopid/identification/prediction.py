@@ -137,14 +137,14 @@ def _friction_doubt(fit: Estimates, recording: Recording, regressor: FloatArray)
     Of motors that are slower or faster than in its data. And of those that stand or turn back,
     whose friction is anything up to breakaway, either way, whatever is predicted.
     """
-    loads, resting = np.abs(fit.require_model().loads(regressor)), recording.resting
+    loads, resting = fit.require_model().loads(regressor), recording.resting
     found = np.zeros(recording.force.shape)
     for k, motor in enumerate(recording.actuators):
         columns, gear = friction_columns(fit, motor), load_columns(fit, motor)
         size = np.abs(regressor[:, k, columns] @ fit.values[columns])
         found[:, k] = friction_doubt(fit, motor, recording.motion.velocities[:, k], size) ** 2
         size = size + np.abs(regressor[:, k, gear] @ fit.values[gear])
-        most = breakaway(fit, motor) + loads[:, k] * fit.values[gear].sum()
+        most = breakaway(fit, motor, loads[:, k])
         even = 1 / 3 + DOUBT**2  # mean square of what is anything up to 1, which is in doubt
         found[:, k] += resting[:, k] ** 2 * (most**2 * even + size**2)
     return found

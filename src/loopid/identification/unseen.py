@@ -173,15 +173,14 @@ def _rms(error: FloatArray, rows: BoolArray) -> FloatArray:
 
 def _standing(fit: Fit, new: FitSamples, rates: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Forces (N, dof) beyond breakaway, and where motors stand (N, dof)."""
-    left, loads = new.residual(fit.values), np.abs(fit.require_model().loads(new.regressor))
+    left, loads = new.residual(fit.values), fit.require_model().loads(new.regressor)
     standing = ~new.used & (rates <= IDLE * np.percentile(rates, 99, axis=0))
     for k, motor in enumerate(new.actuators):
-        own = load_columns(fit, motor)
-        columns = friction_columns(fit, motor) + own
-        most = breakaway(fit, motor) + loads[:, k] * fit.values[own].sum()
+        columns = friction_columns(fit, motor) + load_columns(fit, motor)
         friction = new.regressor[:, k, columns] @ fit.values[columns]
         held = left[:, k] + friction
-        most = np.maximum(most, _carried(held, standing[:, k] * (1 + new.runs)))
+        shown = _carried(held, standing[:, k] * (1 + new.runs))
+        most = np.maximum(breakaway(fit, motor, loads[:, k]), shown)
         left[:, k] = np.maximum(np.abs(held) - most, 0.0)
     return left, standing & (standing.mean(axis=0) >= STANDS)
 

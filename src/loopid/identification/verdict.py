@@ -81,7 +81,7 @@ class Verdict:
         without friction.
     slow_error : float
         What errors may be at slower rates, in parts of the force of the motor where it is most, in
-        the root mean square; 0 without friction.
+        the root mean square; 0 without friction, and where that is not known.
     reached : str
         Fastest rates and largest accelerations of the motors in the logs, from the least to the
         most: 99 of 100 samples have less. Beyond, nothing was seen.
@@ -174,10 +174,8 @@ class Verdict:
         """Speeds and accelerations that were seen, and at which friction is unknown."""
         seen = f" Motors reached {self.reached}." * bool(self.reached)
         part, error = number(100 * self.slowest, 1), number(100 * self.slow_error, 2)
-        slow = (
-            f" Friction below {part} % of a motor's top speed is unknown: errors may be {error} % "
-            "there while it moves."
-        )
+        known = f": errors may be {error} % there while it moves" * bool(self.slow_error)
+        slow = f" Friction below {part} % of a motor's top speed is unknown{known}."
         return seen + slow * bool(self.slowest)
 
 
@@ -207,7 +205,7 @@ def _slow_error(found: Outcome) -> float:
     """
     fit, shares, rest = found.fit, [0.0], np.zeros(1)
     for k, joint in enumerate(found.new.actuators):
-        most = breakaway(fit, joint)
+        most = float(breakaway(fit, joint))
         if most and fit.unseen_rms is not None and found.unseen.force[k]:
             doubt = friction_doubt(fit, joint, rest, np.array([most]))[0]
             shares.append(float(np.hypot(fit.unseen_rms[k], doubt) / found.unseen.force[k]))
