@@ -44,7 +44,7 @@ def ripple_columns(
     And how many waves there are, and how large. Of samples of recordings, with ``weights`` (dof,),
     one over the deviations of forces.
     """
-    beside, robot = _Beside(data, weights), force_model.robot
+    beside, robot = Beside(data, weights), force_model.robot
     found = np.zeros((*data.force.shape, 2 * MOST_RIPPLES))
     ripples = list[tuple[str, float, float]]()
     for row, motor in enumerate(data.actuators):
@@ -59,7 +59,7 @@ def ripple_columns(
     return columns, Ripples(motors, *map(np.array, both))
 
 
-class _Beside:
+class Beside:
     """What is left of columns and forces of a motor beside all that is fitted."""
 
     def __init__(self, data: FitSamples, weights: FloatArray) -> None:
@@ -86,7 +86,7 @@ class _Beside:
 
 
 def _of_motor(
-    joint: pin.JointModel, row: int, beside: _Beside, recordings: Sequence[Recording]
+    joint: pin.JointModel, row: int, beside: Beside, recordings: Sequence[Recording]
 ) -> tuple[FloatArray, list[float], list[float]]:
     """Columns (N, k) of a motor, numbers of waves, and their sizes before the filter."""
     used, columns = beside.data.used[:, row], np.zeros((len(beside.data), 0))
