@@ -4,9 +4,10 @@ Forces that come d late belong to a motion d earlier: τ(t + d) = W(t) φ. Where
 forces is not d, the best fit leaves residuals, whatever the base parameters φ. All of them are
 fitted at each shift, beside an offset, the inertia and the friction of each drive, that which grows
 with load and ripple included. Else what a force model lacks would look like a delay. Friction that
-builds up after a reversal does, beside the sign of the velocity. So the delay is found twice. Plain friction beside it is sharp. Maxwell slip of
-each motor, too, is right in any case (``maxwell_slip.py``). The sharp one is taken where the
-evidence has no slip in any motor. Nor may the other one clearly be another.
+builds up after a reversal does, beside the sign of the velocity. So the delay is found twice. Plain
+friction beside it is sharp. Maxwell slip of each motor, too, is right in any case
+(``maxwell_slip.py``). The sharp one is taken where the evidence has no slip in any motor. Nor may
+the other one clearly be another.
 
 One orthonormal basis of W serves all shifts, whose forces are right-hand sides of it. From the best
 of them Newton's method goes on. It ends where residuals are orthogonal to derivatives of the
