@@ -393,6 +393,8 @@ MADE_BY = {
 }
 # Where other objects have one.
 PARTS = {"Robot": "robot", "ForceModel": "force_model", "Fit": "fit"}
+# What makes a robot of objects of other libraries.
+FOREIGN = {"pinocchio.Model": "from_pinocchio"}
 # What they are known as: these say only what is used of them.
 ABSTRACT = {"LinearModel": "ForceModel", "Values": "Fit"}
 
@@ -465,6 +467,8 @@ def _refusal(details: list[ErrorDetails], names: list[str]) -> LoopidError:
     name = names[min(place, len(names) - 1)] if isinstance(place, int) else str(place)
     at = name + "".join(f"[{part!r}]" for part in inside if isinstance(part, int))
     said = worded(detail, _shown)
+    own = type(detail["input"])
+    foreign = FOREIGN.get(f"{own.__module__.partition('.')[0]}.{own.__name__}")
     if detail is not details[0]:
         said = said.replace("must be", "must be a number or", 1)
     if detail["type"] == "is_instance_of" and detail["ctx"]["class"] != Sequence.__name__:
@@ -475,12 +479,13 @@ def _refusal(details: list[ErrorDetails], names: list[str]) -> LoopidError:
         makers = " or ".join(MADE_BY[each] for each in kinds if each in MADE_BY)
         text = " or a string" if any(each["type"] == "string_type" for each in same) else ""
         said = f"must be of type {' or '.join(kinds)}{text}, not {_shown(detail['input'])}"
-        own = type(detail["input"])
         part = next((p for k in kinds if (p := PARTS.get(k)) and _has(own, p)), None)
         if part is not None:
             said += f": give its {part}, .{part}"
-        elif makers:
+        elif makers and not foreign:
             said += f": {makers} gives one"
+    if foreign:
+        said += f": {foreign} makes a Robot of it"
     error = DataError if isinstance(problem, DataError) else OptionError
     return error(f"{at} {said}", argument=name, given=detail["input"])
 
