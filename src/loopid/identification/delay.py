@@ -361,8 +361,7 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
         return recording
     log = recording.log.delayed(shifts)
     force, used = _Run(robot, recording).force(shifts)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # given when it was prepared
+    with warnings.catch_warnings(action="ignore"):  # given when it was prepared
         limits = saturation_of(robot, recording.log)
     if np.isfinite(limits).any():
         rows = np.searchsorted(log.time, recording.motion.time).clip(max=len(log) - 1)
