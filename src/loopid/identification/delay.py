@@ -33,6 +33,7 @@ from scipy.linalg import solve_triangular
 from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError, RankError
 from loopid.findings import FALSE_ALARM, Finding, WithFindings
+from loopid.identification.beside import POSSIBLE, evidence_of
 from loopid.identification.correlation import (
     Autoregression,
     burg_covariances,
@@ -48,7 +49,6 @@ from loopid.identification.estimator import (
     result_of,
 )
 from loopid.identification.force_models import ForceModel
-from loopid.identification.hysteresis import POSSIBLE, slip_evidence
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
@@ -689,7 +689,7 @@ class _Search:
 
         left = beside(force[:, :, None])[:, 0]
         return any(
-            slip_evidence(beside(table), left, self.size[row]) > POSSIBLE
+            evidence_of(beside(table), left, self.size[row]) > POSSIBLE
             for row, table in self.forces.slips.items()
         )
 
