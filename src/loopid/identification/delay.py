@@ -41,13 +41,7 @@ from loopid.identification.correlation import (
     within_runs,
 )
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff
-from loopid.identification.estimator import (
-    UNKNOWN,
-    WorkingFit,
-    excited_combinations,
-    require_rows,
-    result_of,
-)
+from loopid.identification.estimator import UNKNOWN, WorkingFit, excited_combinations, require_rows
 from loopid.identification.force_models import ForceModel
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
@@ -361,8 +355,7 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
         return recording
     log = recording.log.delayed(shifts)
     force, used = _Run(robot, recording).force(shifts)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # given when it was prepared
+    with warnings.catch_warnings(action="ignore"):  # given when it was prepared
         limits = saturation_of(robot, recording.log)
     if np.isfinite(limits).any():
         rows = np.searchsorted(log.time, recording.motion.time).clip(max=len(log) - 1)
@@ -649,10 +642,8 @@ class _Search:
         width = len(self.factor)
         samples = self.samples.with_force(force).beside("delay", columns[:, :, known])
         prior = np.pad(self.prior, ((0, 0), (0, 1 + int(known.sum()))))
-        R = samples.problem.weighted(self.weights, prior)
-        values = solve_triangular(R[:-1, :-1], R[:-1, -1])
-        plain = result_of("wls", samples.problem, values, R[:-1, :-1], self.weights, 1.0)
-        found = with_scatter(within_runs(WorkingFit(plain, samples, prior if len(prior) else None)))
+        plain = WorkingFit.of("wls", samples, self.weights, prior if len(prior) else None)
+        found = with_scatter(within_runs(plain))
         result, left = found.result, left[:, known]
         C = result.covariance[width:, width:]
         scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL_95 / np.sqrt(np.diag(C))
