@@ -34,6 +34,7 @@ from scipy.linalg import solve_triangular
 from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError, RankError
 from loopid.findings import FALSE_ALARM, Finding, WithFindings
+from loopid.identification.beside import POSSIBLE, Beside, evidence_of
 from loopid.identification.consistent import error_weights
 from loopid.identification.correlation import (
     Autoregression,
@@ -49,14 +50,12 @@ from loopid.identification.estimator import (
     excited_combinations,
     excited_solution,
     require_rows,
-    result_of,
 )
 from loopid.identification.force_models import ForceModel
-from loopid.identification.hysteresis import POSSIBLE, slip_evidence
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
-from loopid.identification.ripple import Beside, ripple_columns
+from loopid.identification.ripple import ripple_columns
 from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
 from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.motion.filtering import LowPass
@@ -368,8 +367,7 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
         return recording
     log = recording.log.delayed(shifts)
     force, used = _Run(robot, recording).force(shifts)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # given when it was prepared
+    with warnings.catch_warnings(action="ignore"):  # given when it was prepared
         limits = saturation_of(robot, recording.log)
     if np.isfinite(limits).any():
         rows = np.searchsorted(log.time, recording.motion.time).clip(max=len(log) - 1)
@@ -684,10 +682,8 @@ class _Search:
         width = len(self.factor)
         samples = self.samples.with_force(force).beside("delay", columns[:, :, known])
         prior = np.pad(self.prior, ((0, 0), (0, 1 + int(known.sum()))))
-        R = samples.problem.weighted(self.weights, prior)
-        values = solve_triangular(R[:-1, :-1], R[:-1, -1])
-        plain = result_of("wls", samples.problem, values, R[:-1, :-1], self.weights, 1.0)
-        found = with_scatter(within_runs(WorkingFit(plain, samples, prior if len(prior) else None)))
+        plain = WorkingFit.of("wls", samples, self.weights, prior if len(prior) else None)
+        found = with_scatter(within_runs(plain))
         result, left = found.result, left[:, known]
         C = result.covariance[width:, width:]
         scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL_95 / np.sqrt(np.diag(C))
@@ -724,7 +720,7 @@ class _Search:
 
         left = beside(force[:, :, None])[:, 0]
         return any(
-            slip_evidence(beside(table), left, self.size[row]) > POSSIBLE
+            evidence_of(beside(table), left, self.size[row]) > POSSIBLE
             for row, table in self.forces.slips.items()
         )
 
