@@ -202,7 +202,7 @@ def test_files_of_a_folder_without_header_and_time(tmp_path, robot, same):
     for name, values in (("pos_read_data", POSITION), ("curr_data", FORCE / 4)):
         rows = "\n".join(",".join(map(repr, map(float, row))) for row in values)
         (tmp_path / f"{name}.csv").write_text(f"{rows}\n")
-    with pytest.raises(LogError, match="no time: .* the 'rate' of even rows"):
+    with pytest.raises(LogError, match=r"no time: .* the 'rate' of even rows"):
         read_log(tmp_path, robot, mapping=LogMapping(force_scale=4))
     with pytest.raises(LogError, match=r"is a current.* 'force_scale'"):
         read_log(tmp_path, robot, mapping=LogMapping(rate=100))

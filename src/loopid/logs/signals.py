@@ -11,7 +11,7 @@ import unicodedata
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import chain, count, product
 from math import pi
 from typing import TYPE_CHECKING, NamedTuple
@@ -285,7 +285,7 @@ class ColumnFinder:
             if (quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None)
             and (forces or quantity != "force")
         ]
-        of_motors = (self._channels_of(quantity, joints) for quantity in wanted)
+        of_motors = (self.channels_of(quantity, joints) for quantity in wanted)
         for place, channel in chain(*of_motors, self._wrenches(), self._free()):
             self._refuse_current(place, channel)
             if place in found:
@@ -306,18 +306,22 @@ class ColumnFinder:
 
     def _refuse_current(self, place: Place, channel: Channel) -> None:
         """Refuse currents as forces without the force of an ampere."""
-        said = words(heading(place.column).name)
-        if self._says[place.stream] == channel.quantity:
-            said += f"_{words(place.stream)}"
-        current, scale = CURRENTS & {*said.split("_")}, self.mapping.force_scale
-        if channel.quantity == "force" and current and scale is None:
+        if channel.quantity == "force" and self.is_current(place):
             raise self._refused(
-                f"column {place.column!r} is a current, not a force: give the force of one ampere "
-                "(N m or N, by joint) as 'force_scale' in a mapping; with 1, identify says what it "
-                "is by the robot file's masses"
+                f"column {str(place) if len(self.streams) > 1 else place.column!r} is a current, "
+                "not a force: give the force of one ampere, or what its unit is (N m or N, by "
+                "joint) as 'force_scale' in a mapping; with 1, identify says what it is by the "
+                "robot file's masses"
             )
 
-    def _channels_of(
+    def is_current(self, place: Place) -> bool:
+        """Whether a column of forces holds currents, of which the mapping says no force."""
+        said = words(self._names[place])
+        if self._says[place.stream] == "force":
+            said += f"_{words(place.stream)}"
+        return bool(CURRENTS & {*said.split("_")}) and self.mapping.force_scale is None
+
+    def channels_of(
         self, quantity: str, joints: tuple[str, ...]
     ) -> Iterator[tuple[Place, Channel]]:
         """Columns of a quantity, one for each motor, with their scales and offsets."""
@@ -493,14 +497,14 @@ class ColumnFinder:
     def _numbered(self, quantity: str) -> list[Place]:
         """Columns such as position_0, position_1, ... or tau1, tau2, ..."""
         usual = [
-            (partial(pattern.format, word=word), "")
+            (pattern.replace("{word}", word), "")
             for word, pattern in product(WITH_NUMBER.get(quantity, ()), NUMBERED)
         ]
-        numbers = [(pattern.format, quantity) for pattern in JUST_NUMBERED]
-        for (name, said), first in product([*usual, *numbers], (0, 1)):
+        numbers = [(pattern, quantity) for pattern in JUST_NUMBERED]
+        for (pattern, said), first in product([*usual, *numbers], (0, 1)):
             places: list[Place] = []
             for k in count(first):
-                found = self._matching([name(k=k)])
+                found = self._matching([pattern.format(k=k)])
                 found = [each for each in found if self._says[each.stream] == said or not said]
                 if not found:
                     break
