@@ -201,13 +201,18 @@ class Plant:
         return np.sign(speed) * self.sliding(speed) + self.viscous(speed) * speed
 
     def values(self, base: BaseParameters) -> FloatArray:
-        """True base parameters: bodies, and joint terms as far as they name the friction."""
+        """True base parameters: bodies, and joint terms as far as they name the friction.
+
+        MuJoCo takes viscous friction at the end of a step, half of one after its acceleration: that
+        is an inertia, too.
+        """
         robot, drives = self.robot, self.drives
         known = dict(zip(robot.parameters("full").labels, self.standard_parameters, strict=True))
         straight = self.friction * np.array(drives.viscous)
         for k, joint in enumerate(robot.actuated):
             known |= {f"{joint}.Fc": self.coulomb[k], f"{joint}.Fv": straight[k]}
-            known |= {f"{joint}.Ia": drives.rotor[k], f"{joint}.Ks": self.spring}
+            inertia = drives.rotor[k] + straight[k] * STEP / 2
+            known |= {f"{joint}.Ia": inertia, f"{joint}.Ks": self.spring}
             known |= {f"{joint}.Fo": self.offset * self.coulomb[k]}
         return base.values(np.array([known.get(n, 0.0) for n in base.parameters.labels]))
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from pydantic import BaseModel, ValidationError
 
@@ -123,6 +124,12 @@ def test_what_gives_an_object_is_named(knee):
         mobility("knee")
     for maker in MADE_BY.values():
         assert callable(attrgetter(maker)(loopid))
+
+
+@pytest.mark.parametrize("function", [loopid.identify, mobility, loopid.load])
+def test_a_model_of_pinocchio_is_sent_through_its_door(function):
+    with pytest.raises(OptionError, match=r"not Model: from_pinocchio makes a Robot of it$"):
+        function(pin.Model(), "log.csv")
 
 
 def test_an_object_that_has_what_is_asked_for_says_so(load_once):

@@ -393,6 +393,8 @@ MADE_BY = {
 }
 # Where other objects have one.
 PARTS = {"Robot": "robot", "ForceModel": "force_model", "Fit": "fit"}
+# What makes a robot of objects of other libraries.
+FOREIGN = {"pinocchio.Model": "from_pinocchio"}
 # What they are known as: these say only what is used of them.
 ABSTRACT = {"LinearModel": "ForceModel", "Values": "Fit"}
 
@@ -464,25 +466,36 @@ def _refusal(details: list[ErrorDetails], names: list[str]) -> LoopidError:
     place, *inside = detail["loc"]
     name = names[min(place, len(names) - 1)] if isinstance(place, int) else str(place)
     at = name + "".join(f"[{part!r}]" for part in inside if isinstance(part, int))
-    said = worded(detail, _shown)
+    if detail["type"] == "is_instance_of" and detail["ctx"]["class"] != Sequence.__name__:
+        said = _of_another_class(detail["input"], [e for e in details if e["loc"][0] == place])
+    else:
+        said = worded(detail, _shown) + _advice(detail["input"], [])
     if detail is not details[0]:
         said = said.replace("must be", "must be a number or", 1)
-    if detail["type"] == "is_instance_of" and detail["ctx"]["class"] != Sequence.__name__:
-        same = [other for other in details if other["loc"][0] == place]
-        known = (each.get("ctx", {}).get("class", "") for each in same)
-        kinds = [name.lstrip("_") for name in known if name]
-        kinds = [*dict.fromkeys(ABSTRACT.get(each, each) for each in kinds)]
-        makers = " or ".join(MADE_BY[each] for each in kinds if each in MADE_BY)
-        text = " or a string" if any(each["type"] == "string_type" for each in same) else ""
-        said = f"must be of type {' or '.join(kinds)}{text}, not {_shown(detail['input'])}"
-        own = type(detail["input"])
-        part = next((p for k in kinds if (p := PARTS.get(k)) and _has(own, p)), None)
-        if part is not None:
-            said += f": give its {part}, .{part}"
-        elif makers:
-            said += f": {makers} gives one"
     error = DataError if isinstance(problem, DataError) else OptionError
     return error(f"{at} {said}", argument=name, given=detail["input"])
+
+
+def _of_another_class(given: Any, alternatives: list[ErrorDetails]) -> str:
+    known = (each.get("ctx", {}).get("class", "") for each in alternatives)
+    kinds = [name.lstrip("_") for name in known if name]
+    kinds = [*dict.fromkeys(ABSTRACT.get(each, each) for each in kinds)]
+    text = " or a string" if any(each["type"] == "string_type" for each in alternatives) else ""
+    asked = " or ".join(kinds)
+    return f"must be of type {asked}{text}, not {_shown(given)}{_advice(given, kinds)}"
+
+
+def _advice(given: Any, kinds: list[str]) -> str:
+    """How an object of one of the classes is had."""
+    own = type(given)
+    part = next((p for kind in kinds if (p := PARTS.get(kind)) and _has(own, p)), None)
+    if part is not None:
+        return f": give its {part}, .{part}"
+    foreign = FOREIGN.get(f"{own.__module__.partition('.')[0]}.{own.__name__}")
+    if foreign is not None:
+        return f": {foreign} makes a Robot of it"
+    makers = " or ".join(MADE_BY[each] for each in kinds if each in MADE_BY)
+    return f": {makers} gives one" if makers else ""
 
 
 def _has(kind: type, name: str) -> bool:

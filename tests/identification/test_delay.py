@@ -28,7 +28,8 @@ from loopid.identification.delay import (
 from loopid.identification.fitting import quiet_fit
 from loopid.logs import Recording
 from loopid.logs.preparing import prepare_again
-from loopid.motion import scaled_bodies
+from loopid.motion import point_to_point, scaled_bodies
+from loopid.motion.trajectories import Waypoint
 from made_runs import elastic, identify_unjudged, simulated, unchecked, wander
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "none_missing")
@@ -102,6 +103,31 @@ def test_friction_that_builds_up_is_no_delay(case, slip):
         half = np.ptp(found.interval) / 2
         assert abs(found.common - delay) < 1.7 * half < 0.012
     assert late.clear
+
+
+@pytest.mark.parametrize("kind", ["load", "ripple"])
+@pytest.mark.parametrize("delay", few_of([0.0, 0.02], 0.02))
+def test_friction_that_grows_with_load_or_ripples_is_no_delay(load_once, kind, delay):
+    """From point to point, where each start and end has more of it."""
+    robot = load_once("five_bar")
+    terms = JointTerms(robot.actuated, ("Fc", "Fv"))
+    middle = np.array([robot.reference[robot.joint(name).idx_q] for name in robot.actuated])
+    points = middle + np.random.default_rng(5).uniform(-0.4, 0.4, (10, 2))
+    ways = [Waypoint(point, seconds=s) for point in points for s in (0.8, 0.2)]
+    motion = point_to_point(robot.actuated, middle, ways, rate=RATE)
+    run = simulated(robot, motion, None, terms=(terms, np.tile([0.1, 0.05], 2)))
+    force = run.exact_force.copy()
+    if kind == "load":
+        steady = 0.1 * np.sign(motion.velocity) + 0.05 * motion.velocity
+        force += 0.1 * np.sign(motion.velocity) * np.abs(force - steady)
+    else:
+        force += 0.1 * np.sin(60 * motion.position + [0.3, 1.1])
+    model = loopid.force_model(robot, "full", terms)
+    log = noisy(unchecked(run.time, run.position, force, robot.actuated), delay, noise=0.3)
+    found = find_delay(model, [prepared(model, log)])
+    half = np.ptp(found.interval) / 2
+    assert abs(found.common - delay) < 1.7 * half < 0.003
+    assert found.clear == (delay > 0)
 
 
 def in_a_band(common, half, motors=2):

@@ -61,7 +61,7 @@ def test_a_log_that_differs_from_others_is_named_with_what_differs(case, what, s
         found = case(spoil, *logs, start=0.0, look=log_difference)
         name = "run" if len(others) > 1 else "two"  # of two, the second
         assert (found and (found.name, found.what)) == (what and (name, what))
-        assert what is None or f"of {name} differs" in found.finding.title
+        assert what is None or f"of {name} differs" in found.finding().title
 
 
 def test_a_log_that_is_late_beside_others_is_named(case):
@@ -70,7 +70,7 @@ def test_a_log_that_is_late_beside_others_is_named(case):
         lambda force, loaded: np.roll(force, 3, axis=0), *others, start=0.0, look=log_difference
     )
     assert (late.name, late.what) == ("run", "time")
-    assert "delay of forces of run differs" in late.finding.title
+    assert "delay of forces of run differs" in late.finding().title
 
 
 @pytest.mark.parametrize(

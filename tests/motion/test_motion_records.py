@@ -49,3 +49,16 @@ def test_motions_that_differ_are_not_equal():
     assert series.motion(rate=20.0) != series.motion(rate=21.0)
     assert SplineCurve(np.ones((1, 2))) != SplineCurve(np.ones((2, 2)))
     assert SplineCurve(np.zeros((2, 1))) != FourierCurve(np.zeros((2, 1)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", [FourierCurve, SplineCurve])
+def test_a_curve_backwards_is_the_same_way_from_its_end(kind, seed):
+    shape = np.random.default_rng(seed).normal(size=(4, 2))
+    if kind is FourierCurve:  # at rest at its ends
+        shape = shape[[0, 0, 1, 1]] * np.array([[2.0], [-1.0], [4.0], [-1.0]])
+    curve, time = kind(shape), np.linspace(0.0, 3.0, 31)
+    there, back = curve.detour(3.0 - time, 3.0), curve.backwards().detour(time, 3.0)
+    signs = np.array([1.0, -1.0, 1.0])[:, None, None]  # of position, rate and acceleration
+    np.testing.assert_allclose(back, signs * there, atol=1e-11)
+    assert not np.allclose(curve.detour(time, 3.0), there)

@@ -90,6 +90,12 @@ def test_one_sample_is_answered_as_many(dynamics, states):
             np.testing.assert_allclose(one, many[name][k], rtol=0, atol=1e-12 * scale)
 
 
+def test_no_samples_are_answered_by_none(dynamics, states):
+    one = answers(dynamics, *(values[:1] for values in states))
+    for name, none in answers(dynamics, *(values[:0] for values in states)).items():
+        assert none.shape == (0, *one[name].shape[1:]), name
+
+
 OF_CONFIGURATIONS = {
     "residual": loopid.kinematics.constraint_residual,
     "jacobian": loopid.kinematics.constraint_jacobian,
@@ -148,6 +154,7 @@ def test_positions_lead_to_poses_one_by_one_as_many(robot, dynamics, states):
         return
     u = measured_coordinates(robot).read(states[0].copy())
     many = dynamics.assemble(u)
+    assert dynamics.assemble(u[:0]).shape == many[:0].shape
     close(many, assemble(robot, u), 1e-12, 1.0)
     close(dynamics.assemble(u, trajectory=True), assemble(robot, u, trajectory=True), 1e-12, 1.0)
     one = np.array([Dynamics(robot).assemble(each) for each in u])

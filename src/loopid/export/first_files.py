@@ -177,8 +177,7 @@ def _closed(drawn: Robot, options: Mapping[str, Any]) -> tuple[list[tuple[str, s
 
 def _loaded(path: Any, options: Mapping[str, Any], pairs: Any = ()) -> Robot:
     """The robot with closures of pairs of frames; ``loopid check`` says what is odd about it."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return load(path, closures=[Closure(*pair) for pair in pairs], **options)
 
 

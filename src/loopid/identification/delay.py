@@ -2,11 +2,12 @@
 
 Forces that come d late belong to a motion d earlier: τ(t + d) = W(t) φ. Where the shift s of the
 forces is not d, the best fit leaves residuals, whatever the base parameters φ. All of them are
-fitted at each shift, beside friction, an offset and the inertia of each drive. Else what a force
-model lacks would look like a delay. Friction that builds up after a reversal does, beside the sign
-of the velocity. So the delay is found twice. Plain friction beside it is sharp. Maxwell slip of
-each motor, too, is right in any case (``maxwell_slip.py``). The sharp one is taken where the
-evidence has no slip in any motor. Nor may the other one clearly be another.
+fitted at each shift, beside an offset, the inertia and the friction of each drive, that which grows
+with load and ripple included. Else what a force model lacks would look like a delay. Friction that
+builds up after a reversal does, beside the sign of the velocity. So the delay is found twice. Plain
+friction beside it is sharp. Maxwell slip of each motor, too, is right in any case
+(``maxwell_slip.py``). The sharp one is taken where the evidence has no slip in any motor. Nor may
+the other one clearly be another.
 
 One orthonormal basis of W serves all shifts, whose forces are right-hand sides of it. From the best
 of them Newton's method goes on. It ends where residuals are orthogonal to derivatives of the
@@ -33,9 +34,12 @@ from scipy.linalg import solve_triangular
 from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError, RankError
 from loopid.findings import FALSE_ALARM, Finding, WithFindings
+from loopid.identification.beside import POSSIBLE, Beside, evidence_of
+from loopid.identification.consistent import error_weights
 from loopid.identification.correlation import (
     Autoregression,
     burg_covariances,
+    residual_noise,
     run_lengths,
     within_runs,
 )
@@ -44,18 +48,19 @@ from loopid.identification.estimator import (
     UNKNOWN,
     WorkingFit,
     excited_combinations,
+    excited_solution,
     require_rows,
-    result_of,
 )
 from loopid.identification.force_models import ForceModel
-from loopid.identification.hysteresis import POSSIBLE, slip_evidence
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
+from loopid.identification.ripple import ripple_columns
 from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
 from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.motion.filtering import LowPass
 from loopid.numbers import NORMAL_95
+from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
 from loopid.robot.robot import Robot
@@ -79,6 +84,7 @@ MOST, LOWEST = 12_000, 0.7
 # A delay is clear from this many steps of the log on, and times half of its 95 % interval. Where a
 # motor differs from the others by this many times, each clear one is undone alone.
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
+DRIVE = 4  # columns of a drive, its inertia last
 # Half of an interval in s from which on it excludes no possible delay: slow motions.
 VAGUE = 0.05
 # Deviation in s of delays, or a step of the log where that is less: so much is held for possible
@@ -361,8 +367,7 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
         return recording
     log = recording.log.delayed(shifts)
     force, used = _Run(robot, recording).force(shifts)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # given when it was prepared
+    with warnings.catch_warnings(action="ignore"):  # given when it was prepared
         limits = saturation_of(robot, recording.log)
     if np.isfinite(limits).any():
         rows = np.searchsorted(log.time, recording.motion.time).clip(max=len(log) - 1)
@@ -483,11 +488,39 @@ def directions(recording: Recording) -> FloatArray:
 
 
 def drive_columns(recording: Recording) -> FloatArray:
-    """Coulomb and viscous friction, an offset and inertia of each drive (N, dof, 4 dof)."""
+    """Coulomb and viscous friction, an offset and inertia of each drive (N, dof, DRIVE dof)."""
     motion, sign = recording.motion, directions(recording)
     signals = np.stack([sign, motion.velocities, np.ones_like(sign), motion.accelerations], axis=2)
     table = signals[:, :, None, :] * np.eye(sign.shape[1])[:, :, None]
     return np.asarray(table.reshape(*sign.shape, -1))
+
+
+def _beside_others(
+    force_model: ForceModel, samples: FitSamples, recordings: Sequence[Recording]
+) -> FitSamples:
+    """Samples with ``drive_columns`` beside friction that grows with load, and ripple.
+
+    Of motors where these are possible beside a delay of each: from standstill to standstill the
+    size of inertial forces goes as their change by time. The load is what forces are without
+    friction and offsets.
+    """
+    dof, each = len(samples.actuators), np.eye(len(samples.actuators))
+    late = _rates(samples, samples.force, [one.motion.time for one in recordings])
+    beside = samples.beside("delay", late[:, :, None] * each)
+    problem = beside.problem
+    values, rank = excited_solution(problem.weighted(problem.force_weights), UNKNOWN)
+    weights = error_weights(problem, residual_noise(beside, values, rank))
+    bodies = np.array([p.kind in KINDS or p.kind == "Ia" for p in samples.parameters])
+    bodies[-DRIVE * dof :] = np.arange(DRIVE * dof) % DRIVE == DRIVE - 1
+    load = np.abs(samples.predicted(np.where(bodies, values[:-dof], 0.0)))
+    size = np.sqrt((load**2).mean(axis=0))
+    grows = np.concatenate([directions(one) for one in recordings]) * load
+    grows /= np.where(size > 0, size, 1.0)
+    plain = Beside(beside, weights)
+    found = [k for k in range(dof) if plain.evidence(k, grows[:, k, None]) > POSSIBLE]
+    grown = (grows[:, :, None] * each)[:, :, found]
+    ripple, _ = ripple_columns(force_model, beside.beside("load", grown), recordings, weights)
+    return samples.beside("load", grown).beside("ripple", ripple)
 
 
 class _Forces:
@@ -509,7 +542,7 @@ class _Forces:
         )
         samples = replace(FitSamples.combined(list(drives)), used=np.all(used, axis=0))
         require_rows(samples.problem)
-        combined = excited_combinations(samples, UNKNOWN)
+        combined = excited_combinations(_beside_others(force_model, samples, recordings), UNKNOWN)
         numbers = np.arange(len(combined)) * BLOCKS // len(combined)
         self.samples = replace(combined, runs=numbers)
         self.slips = _of_slip(self.samples, recordings)
@@ -649,10 +682,8 @@ class _Search:
         width = len(self.factor)
         samples = self.samples.with_force(force).beside("delay", columns[:, :, known])
         prior = np.pad(self.prior, ((0, 0), (0, 1 + int(known.sum()))))
-        R = samples.problem.weighted(self.weights, prior)
-        values = solve_triangular(R[:-1, :-1], R[:-1, -1])
-        plain = result_of("wls", samples.problem, values, R[:-1, :-1], self.weights, 1.0)
-        found = with_scatter(within_runs(WorkingFit(plain, samples, prior if len(prior) else None)))
+        plain = WorkingFit.of("wls", samples, self.weights, prior if len(prior) else None)
+        found = with_scatter(within_runs(plain))
         result, left = found.result, left[:, known]
         C = result.covariance[width:, width:]
         scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL_95 / np.sqrt(np.diag(C))
@@ -689,7 +720,7 @@ class _Search:
 
         left = beside(force[:, :, None])[:, 0]
         return any(
-            slip_evidence(beside(table), left, self.size[row]) > POSSIBLE
+            evidence_of(beside(table), left, self.size[row]) > POSSIBLE
             for row, table in self.forces.slips.items()
         )
 

@@ -58,6 +58,16 @@ class WorkingFit:
     samples: FitSamples
     prior: FloatArray | None = None
 
+    @classmethod
+    def of(
+        cls, name: str, samples: FitSamples, weights: FloatArray, prior: FloatArray | None = None
+    ) -> WorkingFit:
+        """The least squares of samples times weights (dof,), of known size, and rows of a prior."""
+        factor = samples.problem.weighted(weights, prior)
+        R = factor[:-1, :-1]
+        values = solve_triangular(R, factor[:-1, -1])
+        return cls(result_of(name, samples.problem, values, R, weights, 1.0), samples, prior)
+
     @property
     def factor(self) -> FloatArray:
         """Triangular factor (n + 1, n + 1) of all weighted rows, those of the prior included."""

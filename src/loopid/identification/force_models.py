@@ -309,8 +309,7 @@ class ForceModel:
         """
         terms = JointTerms.of_kinds(kinds, self.joint_terms)
         kept = KeptChoice(dependent=self.base.parameters.select(self.base.dependent).labels)
-        with warnings.catch_warnings():  # the same as of this model
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):  # the same as of this model
             try:
                 found = force_model(self.robot, self.model, terms, search=kept)
             except OptionError:

@@ -21,6 +21,7 @@ import numpy as np
 
 from loopid.arguments import NOT_EMPTY, FloatArray, checked
 from loopid.findings import EVIDENCE
+from loopid.identification.beside import POSSIBLE, Beside
 from loopid.identification.consistent import (
     consistent_parameters,
     error_weights,
@@ -31,7 +32,7 @@ from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
 from loopid.identification.friction_curves import friction_summary, of_friction, turning_friction
-from loopid.identification.hysteresis import POSSIBLE, RESOLVED, possible_hysteresis, slip_evidence
+from loopid.identification.hysteresis import RESOLVED, possible_hysteresis
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import MotorUse, NoiseModel, TermDeviations, fit_quality
 from loopid.identification.result import Fit
@@ -158,14 +159,11 @@ def friction_at_rest(
     """
     columns = np.concatenate([run.at_rest for run in recordings])
     others = [j for j, each in enumerate(data.parameters) if _group(each.kind) != CURVE.name]
-    beside = columns[:, :, None] * np.eye(columns.shape[1])
-    with one_blas_thread():
-        R = data.select(others).beside("rest", beside).problem.weighted(weights)
-    *own, left = R[len(others) :, len(others) :].T
-    for row, size in enumerate(data.problem.force_rms):
-        smaller = own[row] @ left < 0
-        if not (smaller and slip_evidence(own[row][:, None], left, size) > POSSIBLE):
-            columns[:, row] = 0.0
+    beside = Beside(data.select(others), weights)
+    for row, column in enumerate(columns.T):
+        smaller = column @ (data.used[:, row] * beside.residual[:, row]) < 0
+        if not (smaller and beside.evidence(row, column[:, None]) > POSSIBLE):
+            column[:] = 0.0
     return columns
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
+from loopid.identification.beside import POSSIBLE, Beside
 from loopid.identification.estimates import LEAST_FREEDOM, Estimates
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitSamples
@@ -21,11 +22,7 @@ from loopid.parameters import KINDS
 from loopid.records import Tabular, record
 from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.maxwell_slip import slip_displacements, slip_states
-from loopid.workers import one_blas_thread
 
-# Prior deviations of elements that are tried, relative to the motor's force, and the logarithm of
-# how much likelier the data are with the best of them for hysteresis to come into question.
-TRIED, POSSIBLE = np.geomspace(1e-3, 1.0, 7), 0.5
 # Part of the force that has changed sides over the identified way: of a law that falls off
 # exponentially, as Dahl's, its constant. Part of it that has within a loop.
 TOLD, WHOLE = 1 - np.exp(-1), 0.98
@@ -45,35 +42,20 @@ def possible_hysteresis(
 ) -> dict[str, tuple[str, ...]]:
     """Elements of Maxwell slip of those motors whose friction may build up, by their kinds.
 
-    Of each of some joints beside all that the model has, by the evidence of N(0, σ²) elements at
-    several σ; ``weights`` (dof,) are one over the deviations of the forces.
+    Of each of some motors beside all that the model has; ``weights`` (dof,) are one over the
+    deviations of the forces.
     """
     kinds = {joint: _elements(recordings, joint) for joint in joints}
-    wide = force_model.with_columns({joint: own for joint, own in kinds.items() if own})
-    with one_blas_thread():
-        R = wide.widened(data, recordings).problem.weighted(weights)
-        width = len(data.parameters)
-        columns, left = R[width:, width:-1], R[width:, -1]
-        links = np.array([each.link for each in list(wide.parameters)[width:]])
-        sizes = dict(zip(data.actuators, data.problem.force_rms.tolist(), strict=True))
-        found = {}
-        for joint, own in kinds.items():
-            mine = columns[:, links == joint]
-            if own and slip_evidence(mine, left, sizes[joint]) > POSSIBLE:
-                found[joint] = own
+    kinds = {joint: own for joint, own in kinds.items() if own}
+    wide, beside = force_model.with_columns(kinds), Beside(data, weights)
+    W, names = wide.widened(data, recordings).regressor, list(wide.parameters)
+    found = {}
+    for joint, own in kinds.items():
+        row = data.actuators.index(joint)
+        columns = [k for k in range(len(data.parameters), len(names)) if names[k].link == joint]
+        if beside.evidence(row, W[:, row, columns]) > POSSIBLE:
+            found[joint] = own
     return found
-
-
-def slip_evidence(columns: FloatArray, left: FloatArray, size: float) -> float:
-    """Logarithm of how much likelier residuals (r,) are with columns (r, k) than without.
-
-    At the likeliest deviation of their forces, of errors of unit variance; ``size`` is that of the
-    motor's force.
-    """
-    U, values, _ = np.linalg.svd(columns, full_matrices=False)
-    ratios = np.multiply.outer(TRIED * size, values) ** 2
-    gains = ratios / (1 + ratios) * (U.T @ left) ** 2 - np.log1p(ratios)
-    return float(gains.sum(axis=1).max() / 2)
 
 
 def _elements(recordings: Sequence[Recording], joint: str) -> tuple[str, ...]:

@@ -51,8 +51,7 @@ class LeftOut:
         """
         segments = segments_of(data)
         values: dict[str, list[FloatArray]] = {name: [] for name in refits}
-        with warnings.catch_warnings():  # the same as of all data
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):  # the same as of all data
             for kept in kept_without(segments, recordings):
                 part = replace(data, used=data.used & kept[:, None])
                 for name, refit in refits.items():

@@ -35,38 +35,8 @@ RIDGE, SEEN = 1e-12, 1e-6  # of columns of unit length: what keeps, and what is,
 
 
 @record
-class LoadChange:
-    """A time from which on the bodies differ.
-
-    Attributes
-    ----------
-    name : str
-        Of the log.
-    time : float
-        In s, of the log.
-    before, after : float
-        Errors of all motors, in parts of their forces in the root mean square, with the same bodies
-        all along, and with others from then on.
-    """
-
-    name: str
-    time: float
-    before: float
-    after: float
-
-    def finding(self, several: bool) -> Finding:
-        """In words, with the log's name where there are several."""
-        return Finding(
-            "warning",
-            f"the load changes at {self.time:.2f} s{f' of {self.name}' * several}",
-            f"with a body that is lighter or heavier from then on, {_errors(self)}",
-            "give the rows before and after as logs of their own, and identify one of them",
-        )
-
-
-@record
-class LogDifference:
-    """A log that differs from others.
+class LogChange:
+    """What differs from a time on in a log, or all along from other logs.
 
     Attributes
     ----------
@@ -76,37 +46,41 @@ class LogDifference:
         ``"load"``, ``"size"`` of forces, or ``"time"``.
     before, after : float
         Errors of all motors, in parts of their forces in the root mean square, without and with it.
+    time : float or None
+        In s, of the log, from which on it differs; None where it does from other logs.
     """
 
     name: str
     what: str
     before: float
     after: float
+    time: float | None = None
 
-    @property
-    def finding(self) -> Finding:
-        """In words."""
-        title, allowed = {
-            "load": ("the load of {} differs", "a body that is lighter or heavier there"),
-            "size": ("the size or zero of forces of {} differs", "others of each motor there"),
-            "time": ("the delay of forces of {} differs", "another one there"),
-        }[self.what]
-        return Finding(
-            "warning",
-            f"{title.format(self.name)} from that of other logs",
-            f"with {allowed}, {_errors(self)}",
-            f"identify {self.name} and the others apart",
-        )
+    def finding(self, several: bool = True) -> Finding:
+        """In words, with the log's name where there are several."""
+        (title, allowed), when = DIFFERS[self.what], "there"
+        title = f"{title.format(self.name)} from that of other logs"
+        do = f"identify {self.name} and the others apart"
+        if self.time is not None:
+            title = f"the load changes at {self.time:.2f} s{f' of {self.name}' * several}"
+            when = "from then on"
+            do = "give the rows before and after as logs of their own, and identify one of them"
+        after, before = (number(100 * each, 2) for each in (self.after, self.before))
+        why = f"with {allowed} {when}, errors are {after} % of the forces instead of {before} %"
+        return Finding("warning", title, why, do)
 
 
-def _errors(change: LoadChange | LogDifference) -> str:
-    after, before = (number(100 * each, 2) for each in (change.after, change.before))
-    return f"errors are {after} % of the forces instead of {before} %"
+# What may differ: the title, and what is allowed for.
+DIFFERS = {
+    "load": ("the load of {} differs", "a body that is lighter or heavier"),
+    "size": ("the size or zero of forces of {} differs", "others of each motor"),
+    "time": ("the delay of forces of {} differs", "another one"),
+}
 
 
 def load_change(
     force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording]
-) -> LoadChange | None:
+) -> LogChange | None:
     """The time at which a load comes or goes in one of the recordings, where that is clear."""
     products, best = _Products(force_model, data), (1.0, 0, 0)
     for run in range(len(recordings)):
@@ -121,12 +95,12 @@ def load_change(
     if after > RIVAL * np.sqrt(products.part_by_rivals(first, run) * products.error):
         return None
     time = np.concatenate([run.motion.time for run in recordings])
-    return LoadChange(recordings[run].name, float(time[first]), before, after)
+    return LogChange(recordings[run].name, "load", before, after, float(time[first]))
 
 
 def log_difference(
     force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording]
-) -> LogDifference | None:
+) -> LogChange | None:
     """How one of several logs differs from the others, where that is clear."""
     names = [run.name for run in recordings]
     logs = [*dict.fromkeys(names)]
@@ -149,7 +123,7 @@ def log_difference(
     others = [part for (_, other), part in parts.items() if other != what]
     if np.sqrt(left) > min(LEFT, RIVAL * np.sqrt(min(others))):
         return None
-    return LogDifference(name, what, before, before * float(np.sqrt(left)))
+    return LogChange(name, what, before, before * float(np.sqrt(left)))
 
 
 class _Products:

@@ -38,6 +38,7 @@ from loopid.identification.force_models import ForceModel
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import segments_of
 from loopid.identification.lengths import length_forces
+from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
 from loopid.logs.recording import Recording
 from loopid.records import record
@@ -290,13 +291,7 @@ def _in_time(fit: WorkingFit, recordings: Sequence[Recording], delay: Delay | No
     """A fit beside what may be left of the delay, after its own parameters."""
     columns = delay_forces(fit.samples, fit.result.values, recordings, delay)
     columns = columns[:, :, columns.any(axis=(0, 1))]
-    if not (k := columns.shape[2]):
-        return fit
-    wide = _beside(fit, columns, "delay")
-    n = len(fit.result.parameters)
-    rows = np.eye(k, n + k + 1, n)
-    prior = rows if wide.prior is None else np.concatenate([wide.prior, rows])
-    return _refitted(replace(wide, prior=prior))
+    return _beside(fit, columns, "delay", of_unit_size=True) if columns.shape[2] else fit
 
 
 def _length_or_zero(
@@ -317,8 +312,7 @@ def _length_or_zero(
     chosen = {name: getattr(samples, name)[rows] for name in of_samples}
     chosen["used"] = chosen["used"] & ~_slow(fit, recordings)[rows]
     # They count as much as all, beside the prior.
-    thinned = fit.with_result(weights=np.sqrt(step) * fit.result.weights)
-    fit = _refitted(replace(thinned, samples=replace(samples, **chosen, instruments=None)))
+    fit = _refitted(fit, replace(samples, **chosen, instruments=None), fit.prior, np.sqrt(step))
     runs = [run.select(every) for run in recordings]
     test = _Test(fit, len(force_model.parameters))
     lengths = length_forces(force_model, standard, runs)
@@ -532,28 +526,26 @@ class _Test:
         )
 
 
-def _beside(fit: WorkingFit, columns: FloatArray, named: str = "tested") -> WorkingFit:
-    """A fit with columns (N, dof, k) beside its own, as if errors were independent."""
+def _beside(
+    fit: WorkingFit, columns: FloatArray, named: str = "tested", *, of_unit_size: bool = False
+) -> WorkingFit:
+    """A fit with columns (N, dof, k) beside its own, of any size, as if errors were independent."""
     k, n, prior = columns.shape[2], len(fit.result.parameters), fit.prior
+    rows = np.eye(k, n + k + 1, n)[: k * of_unit_size]
+    if prior is not None:
+        rows = np.concatenate([np.insert(prior, [n] * k, 0.0, axis=1), rows])
     samples = fit.samples.beside(named, columns)
-    wide = fit.with_result(
-        parameters=samples.parameters,
-        values=np.zeros(n + k),
-        covariance=np.zeros((n + k, n + k)),
-        degrees_of_freedom=np.array(float(samples.problem.rows)),
-        assumed=(),
-        model=None,
-    )
-    rows = None if prior is None else np.insert(prior, [n] * k, 0.0, axis=1)
-    return _refitted(replace(wide, samples=samples, prior=rows))
+    return _refitted(fit, samples, rows if len(rows) else None)
 
 
-def _refitted(fit: WorkingFit) -> WorkingFit:
-    """With the values that its samples and prior have the least squares at."""
-    factor = fit.factor
-    inverse = np.linalg.inv(factor[:-1, :-1])
-    values, covariance = inverse @ factor[:-1, -1], inverse @ inverse.T
-    return fit.with_result(values=values, covariance=covariance)
+def _refitted(
+    fit: WorkingFit, samples: FitSamples, prior: FloatArray | None, times: float = 1.0
+) -> WorkingFit:
+    """The least squares of other samples, which count so many times, with errors as of a fit."""
+    known = fit.result
+    found = WorkingFit.of(known.estimator, samples, times * known.weights, prior)
+    bodies = known.standard_parameters
+    return found.with_result(noise=known.noise, standard_parameters=bodies)
 
 
 def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:

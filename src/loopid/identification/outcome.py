@@ -18,7 +18,7 @@ from loopid.identification.delay import Delay
 from loopid.identification.force_models import ForceModel
 from loopid.identification.information import Identifiability
 from loopid.identification.leaving_out import repeated_share
-from loopid.identification.load_change import LoadChange, LogDifference, load_change, log_difference
+from loopid.identification.load_change import LogChange, load_change, log_difference
 from loopid.identification.log_mistakes import LogFaults
 from loopid.identification.missing import MissingForce
 from loopid.identification.model_choice import ModelChoice
@@ -127,12 +127,12 @@ class Outcome:
         return outstanding(self.recommended.fit, self.data, self.training)
 
     @cached_property
-    def log_difference(self) -> LogDifference | None:
+    def log_difference(self) -> LogChange | None:
         """How one of the logs that were fitted differs from the others."""
         return log_difference(self.force_model, self.data, self.training)
 
     @cached_property
-    def load_change(self) -> LoadChange | None:
+    def load_change(self) -> LogChange | None:
         """The time at which a load comes or goes in a log that was fitted."""
         return load_change(self.force_model, self.data, self.training)
 

@@ -15,13 +15,12 @@ import pinocchio as pin
 
 from loopid.arguments import FloatArray, IntArray
 from loopid.findings import EVIDENCE
+from loopid.identification.beside import Beside
 from loopid.identification.force_models import ForceModel
-from loopid.identification.hysteresis import slip_evidence
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import Ripples
 from loopid.logs.recording import Recording
 from loopid.robot.robot import position_of
-from loopid.workers import one_blas_thread
 
 LEAST_WAVES = 5  # over the range of a motor: fewer look like what bodies do
 MOST_RIPPLES = 3  # numbers of waves of a motor
@@ -30,7 +29,6 @@ SLOW, PASSED = 0.01, 2.0
 LIKELIEST = 5  # numbers of waves that are looked at closely
 # Bins of positions in a wave; and numbers of waves that are tried for each that the range resolves.
 BINS, CLOSELY = 8, 8
-DETERMINED = 1e-6  # of the largest singular value: combinations below have no effect
 
 
 def ripple_columns(
@@ -44,7 +42,7 @@ def ripple_columns(
     And how many waves there are, and how large. Of samples of recordings, with ``weights`` (dof,),
     one over the deviations of forces.
     """
-    beside, robot = _Beside(data, weights), force_model.robot
+    beside, robot = Beside(data, weights), force_model.robot
     found = np.zeros((*data.force.shape, 2 * MOST_RIPPLES))
     ripples = list[tuple[str, float, float]]()
     for row, motor in enumerate(data.actuators):
@@ -59,37 +57,11 @@ def ripple_columns(
     return columns, Ripples(motors, *map(np.array, both))
 
 
-class _Beside:
-    """What is left of columns and forces of a motor beside all that is fitted."""
-
-    def __init__(self, data: FitSamples, weights: FloatArray) -> None:
-        self.data, self.weights = data, weights
-        with one_blas_thread():
-            *_, R, y = np.split(data.problem.weighted(weights), [0, -1], axis=1)
-            _, values, V = np.linalg.svd(R, full_matrices=False)
-            keep = values > DETERMINED * values[:1]
-            self.turn = V[keep].T / values[keep]
-            self.fitted = self.turn @ (self.turn.T @ (R.T @ y[:, 0]))
-        self.residual = data.residual(self.fitted)
-
-    def evidence(self, row: int, columns: FloatArray) -> float:
-        """Of columns (N, k) in the force of a motor."""
-        data = self.data
-        used, weight = data.used[:, row], self.weights[row]
-        c = weight * columns[used]
-        turned = (weight * data.regressor[used, row] @ self.turn).T @ c
-        squares, V = np.linalg.eigh(c.T @ c - turned.T @ turned)
-        keep = squares > DETERMINED * (c * c).sum()
-        size, V = np.sqrt(squares[keep]), V[:, keep]
-        left = (V.T @ (c.T @ (weight * self.residual[used, row]))) / size
-        return slip_evidence(size[:, None] * V.T, left, float(data.problem.force_rms[row]))
-
-
 def _of_motor(
-    joint: pin.JointModel, row: int, beside: _Beside, recordings: Sequence[Recording]
+    joint: pin.JointModel, row: int, beside: Beside, recordings: Sequence[Recording]
 ) -> tuple[FloatArray, list[float], list[float]]:
     """Columns (N, k) of a motor, numbers of waves, and their sizes before the filter."""
-    used, columns = beside.data.used[:, row], np.zeros((len(beside.data), 0))
+    used, columns = beside.samples.used[:, row], np.zeros((len(beside.samples), 0))
     rate = np.concatenate([run.motion.velocities[:, row] for run in recordings])
     slow = float(np.quantile(np.abs(rate[used]), SLOW)) if used.any() else 0.0
     cutoffs = [run.cutoff for run in recordings if run.cutoff is not None]

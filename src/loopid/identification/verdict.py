@@ -464,7 +464,7 @@ def _wrong(found: Outcome) -> list[Finding]:
     said = (
         _of_single_moves(found),
         _passing(found),
-        None if other is None else other.finding,
+        None if other is None else other.finding(),
         None if change is None else change.finding(len(found.training) > 1),
         _turning_friction(found) if turns else None,
         *others,

@@ -295,7 +295,7 @@ def follow_paths(
     options: AssemblyOptions = USUAL,
 ) -> Assembly:
     """Move samples along their straight lines from starts (N or 1, nq) to targets (N, c)."""
-    q = np.repeat(starts, len(targets), axis=0) if len(starts) < len(targets) else starts
+    q = np.repeat(starts, len(targets), axis=0) if len(starts) != len(targets) else starts
     # Threads of BLAS only matter, and setting them only pays, where there are many samples.
     with one_blas_thread() if len(targets) > 1 else nullcontext():
         parts = [_followed(measured, q[rows], targets[rows], options) for rows in blocks(len(q))]

@@ -226,8 +226,7 @@ def prepare_again(
 def quietly_prepared(robot: Robot, run: Recording, log: Log, options: FilterOptions) -> Recording:
     """A log, or a part, of a recording with other options; its loops close sooner from that."""
     known = run.history.whole[1] if run.history else run.motion
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # given when it was first prepared
+    with warnings.catch_warnings(action="ignore"):  # given when it was first prepared
         return prepare(
             *(robot, log),
             filter=options,
