@@ -77,7 +77,22 @@ def test_columns_that_are_found_by_name_are_mapped(tmp_path):
     text = mapping.read_text()
     assert "left_crank_joint_quux" in text
     assert "Not found by name: " in text
-    assert read(text) is None
+    assert "position" not in read(text)
+    assert [*read(text)["force"].values()] == names[2:]
+
+
+def test_currents_that_are_found_by_name_need_their_forces(tmp_path):
+    robot = loopid.load("five_bar")
+    for name, values in (("encoders", 0.1), ("motor_current_mA", 20.0)):
+        rows = np.column_stack([np.arange(9), *np.full((2, 9), values)])
+        head = ",".join(["t", *robot.actuated])
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=head, comments="")
+    _, mapping = write_first_files("five_bar", tmp_path, folder=tmp_path)
+    found = read(mapping.read_text())
+    assert found["force_scale"] == 1.0
+    assert found["position"] == {joint: f"encoders:{joint}" for joint in robot.actuated}
+    assert found["force"] == {joint: f"motor_current_mA:{joint}" for joint in robot.actuated}
+    assert "force_scale is the force of one of their units" in mapping.read_text()
 
 
 SAID = {

@@ -47,6 +47,11 @@ ANSWERED = "--help", "check --help", "--version"  # at once, without a command
         ("simulate", "gaussian must be 0 or more", "--noise must be 0 or more"),
         ("excite", "speeds must be above 0", "--max-speed must be above 0"),
         ("predict", "fraction must be below 1", "fraction must be below 1"),
+        (
+            "identify",
+            "call one column time, or name it in a mapping",
+            "call one column time, or name it in a mapping (loopid init FILE LOG begins one)",
+        ),
         # What no command has an option for stays as it is.
         ("check", 'instruments="W"', 'instruments="W"'),
         ("check", "nodes=3, tied=False", "nodes=3, tied=False"),

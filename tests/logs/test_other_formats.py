@@ -163,3 +163,73 @@ def test_one_time_is_enough():
         LogMapping(rate=100.0, period=0.01, time={"column": "t"})
     with pytest.raises(OptionError, match="rate"):
         LogMapping(rate=0.0)
+
+
+def folder_of(tmp_path, **files):
+    """A folder of tables, each with its header and columns."""
+    for name, (header, *columns) in files.items():
+        write_text(tmp_path / f"{name}.csv", header, *columns)
+    return tmp_path
+
+
+LEFT_FIRST, RIGHT_FIRST = ("t,{},{}".format(*order) for order in (MOTORS, MOTORS[::-1]))
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("arm_position", "arm_velocity", "arm_effort", "arm_position_cmd"),
+        ("q", "dq", "tau", "q_desired"),
+        ("encoders", "speed", "joint torques", "goal"),
+    ],
+)
+def test_files_of_a_folder_say_what_their_columns_are(tmp_path, same, names):
+    """Columns are called like the joints, in any order; speeds and commands are not read."""
+    position, speed, force, command = names
+    wrong = LEFT_FIRST, TIME, FORCE + 9
+    files = {speed: wrong, command: wrong, position: (LEFT_FIRST, TIME, POSITION)}
+    same(folder_of(tmp_path, **files, **{force: (RIGHT_FIRST, TIME, FORCE[:, ::-1])}))
+
+
+@pytest.mark.parametrize("called", ["joint_{}", "J{}", "axis {}", "motor{}", "{}"])
+def test_files_of_a_folder_with_columns_in_the_order_of_the_motors(tmp_path, same, called):
+    header = ",".join(["time", *map(called.format, (1, 2))])
+    both = (header, TIME, POSITION), (header, TIME, FORCE)
+    same(folder_of(tmp_path, **dict(zip(("pos_read", "torques"), both, strict=True))))
+
+
+def test_files_of_a_folder_without_header_and_time(tmp_path, robot, same):
+    for name, values in (("pos_read_data", POSITION), ("curr_data", FORCE / 4)):
+        rows = "\n".join(",".join(map(repr, map(float, row))) for row in values)
+        (tmp_path / f"{name}.csv").write_text(f"{rows}\n")
+    with pytest.raises(LogError, match=r"no time: .* the 'rate' of even rows"):
+        read_log(tmp_path, robot, mapping=LogMapping(force_scale=4))
+    with pytest.raises(LogError, match=r"is a current.* 'force_scale'"):
+        read_log(tmp_path, robot, mapping=LogMapping(rate=100))
+    same(tmp_path, rate=100, force_scale=4)
+
+
+def test_a_stream_of_a_mapping_goes_by_the_names_of_the_joints(tmp_path, same):
+    """In whatever order, and beside other columns."""
+    header = "t,gripper," + RIGHT_FIRST.removeprefix("t,")
+    folder = folder_of(
+        tmp_path,
+        run1=(header, TIME, TIME, POSITION[:, ::-1]),
+        run1_amplifier=(LEFT_FIRST, TIME, FORCE),
+        run2_position=(LEFT_FIRST, TIME, FORCE),
+    )
+    same(folder, position={"stream": "run1"}, force={"stream": "run1_amplifier"})
+
+
+def test_a_log_of_one_file_is_not_told_by_its_name(tmp_path, same, robot):
+    header = ",".join(["t", *MOTORS, *(f"{motor}_torque" for motor in MOTORS)])
+    same(write_text(tmp_path / "torque_2.csv", header, TIME, POSITION, FORCE))
+    with pytest.raises(LogError, match="or give the folder if another file has it"):
+        read_log(write_text(tmp_path / "position.csv", LEFT_FIRST, TIME, POSITION), robot)
+
+
+def test_two_files_of_the_same_are_named(tmp_path, robot):
+    position = LEFT_FIRST, TIME, POSITION
+    folder = folder_of(tmp_path, a_position=position, b_position=position, effort=position)
+    with pytest.raises(LogError, match=r"2 columns .*: a_position:left_crank_joint, b_position"):
+        read_log(folder, robot)

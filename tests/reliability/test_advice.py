@@ -116,7 +116,7 @@ OF_LOGS = {
     ),
     "no force, named": (
         names(*NAMES[:2], "load"),
-        "or name it in a mapping",
+        "name it in a mapping, or give the folder",
         names(*NAMES[:2], "load", force={"crank_joint": "load"}),
     ),
     "two forces": (

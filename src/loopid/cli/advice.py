@@ -39,6 +39,10 @@ RENAMED = {
     "condition_limit": "cond_limit",
 }
 
+# Where a column is not found, the command that begins the file that names it.
+MAPPING = "in a mapping"
+BEGUN = f"{MAPPING} (loopid init FILE LOG begins one)"
+
 # Options of ``excite`` that other commands have in the same sense.
 OF_ROBOT_AND_MODEL = (
     *("lock", "rounding", "floating_base", "free_mimics", "tied", "xacro"),
@@ -51,7 +55,8 @@ def in_options(text: str, context: typer.Context) -> str:
 
     ``lock=["x", "y"]`` becomes ``--lock x --lock y`` where the command has that option, and
     ``loopid base --lock x --lock y`` where only others have it; ``design_motion with`` becomes
-    ``loopid excite`` with the robot. All other text stays as it is.
+    ``loopid excite`` with the robot. A mapping is one that ``loopid init`` begins. All other text
+    stays as it is.
     """
     commands = getattr(context.find_root().command, "commands", {})
 
@@ -67,6 +72,9 @@ def in_options(text: str, context: typer.Context) -> str:
                     return _excite(words, context, commands["excite"])
         return found[0]
 
+    if context.command.name != "init":
+        text = text.replace(f"name it {MAPPING}", f"name it {BEGUN}")
+        text = text.replace(f"by their numbers {MAPPING}", f"by their numbers {BEGUN}")
     return ADVICE.sub(option, ARGUMENT.sub(partial(_named, context.command), text))
 
 

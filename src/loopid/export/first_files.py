@@ -196,7 +196,7 @@ def _mapping_text(robot: Robot, motors: tuple[str, ...], log: str | Path | None)
         "",
         "Factors to m or rad, and to N or N m, of all or by joint, where no header has a unit.",
         _Key("position_scale", 0.001),
-        _Key("force_scale", 0.001),
+        _Key("force_scale", found.get("force_scale", 0.001), "force_scale" in found),
         "",
         "The rate of the rows in Hz, where no column has their times.",
         _Key("rate", 1000.0),
@@ -215,26 +215,39 @@ def _finder(path: Path) -> ColumnFinder:
 
 def _driven(robot: Robot, log: str | Path | None) -> tuple[str, ...]:
     """Joints of a robot without known motors that have forces in a log, by their names."""
-    found = []
+    found = list[str]()
     for joint in robot.actuated if log is not None else ():
+        finder = _finder(Path(log or ""))
         with suppress(LogError):
-            each = _finder(Path(log or "")).channels((joint,)).values()
-            found += [joint] if any(joint in one.column for own in each for one in own) else []
+            both = [
+                *finder.channels_of("position", (joint,)),
+                *finder.channels_of("force", (joint,)),
+            ]
+            found += [joint] if any(joint in channel.column for _, channel in both) else []
     return tuple(found)
 
 
 def _found(robot: Robot, motors: tuple[str, ...], path: Path) -> tuple[dict[str, Any], list[str]]:
     """What the names of a log's columns say, and sentences about them."""
-    finder, found = _finder(path), dict[str, Any]()
-    streams = finder.streams
-    said = [f"Columns of {stream}: {', '.join(names)}." for stream, names in streams.items()]
+    finder, found, used = _finder(path), dict[str, Any](), dict[str, None]()
+    several = len(finder.streams) > 1
+    said = [f"Columns of {name}: {', '.join(columns)}." for name, columns in finder.streams.items()]
+    for quantity in ("position", "force"):
+        try:
+            for place, channel in finder.channels_of(quantity, motors or robot.actuated):
+                name = str(place) if several else place.column
+                found.setdefault(quantity, {})[channel.joint] = name
+                used[place.stream] = None
+                if quantity == "force" and finder.is_current(place):
+                    found["force_scale"] = 1.0
+        except LogError as error:
+            said.append(f"Not found by name: {error}")
+    if "force_scale" in found:
+        said.append("Forces are currents: force_scale is the force of one of their units.")
     try:
-        for stream, channels in finder.channels(motors or robot.actuated).items():
-            before = f"{stream}:" if len(streams) > 1 else ""
-            for each in channels:
-                found.setdefault(each.quantity, {})[each.joint] = before + each.column
-            if len(streams) == 1 and (time := finder.time(stream)).rest is None:
-                found["time"] = {"column": time.name}
+        times = [finder.time(stream) for stream in used]
+        if not several and times and times[0].rest is None:
+            found["time"] = {"column": times[0].name}
     except LogError as error:
         said.append(f"Not found by name: {error}")
     return found, said

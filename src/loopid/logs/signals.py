@@ -156,6 +156,7 @@ def words(name: str) -> str:
 
 # Words of what was commanded, not measured.
 COMMANDED = {"cmd", "command", "commanded", "desired", "target", "reference", "ref", "setpoint"}
+COMMANDED |= {"goal"}
 
 
 def endings(name: str) -> list[str]:
@@ -195,10 +196,20 @@ WITH_NUMBER = {
     "force": (
         *(*WITH_JOINT["force"], "joint_torque", "tau_j", "control_action", "actual_current"),
         *("joint_effort", "efforts", "joint_efforts", "torques", "joint_torques"),
+        *("motor_current", "current", "currents"),
     ),
 }
-CURRENT = "current"  # a word of columns that hold amperes
-NUMBERED = ("{word}_{k}", "joint_{k}_{word}", "{word}_joint_{k}", "axis_{k}_{word}")
+NUMBERED = ("{word}_{k}", "joint_{k}_{word}", "{word}_joint_{k}", "axis_{k}_{word}", "j_{k}_{word}")
+CURRENTS = {"current", "currents", "curr"}  # words of what holds amperes
+# Where a stream's own name says what it holds, as that of a file, columns may be just called so.
+JUST_NUMBERED = ("joint_{k}", "axis_{k}", "motor_{k}", "j_{k}", "{k}")
+OF_STREAMS = {
+    "position": {*WITH_JOINT["position"], "positions", "angles", "encoder", "encoders"},
+    "force": {*WITH_JOINT["force"], "forces", "efforts", "torques", *CURRENTS},
+    "velocity": {"velocity", "velocities", "vel", "speed", "speeds", "dq", "qd", "qdot"},
+    "acceleration": {"acceleration", "accelerations", "acc", "accel", "ddq", "qdd"},
+    "command": COMMANDED,
+}
 # Relative difference of scales that are the same: how many digits people give.
 SAME_SCALE = 1e-2
 
@@ -274,7 +285,7 @@ class ColumnFinder:
             if (quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None)
             and (forces or quantity != "force")
         ]
-        of_motors = (self._channels_of(quantity, joints) for quantity in wanted)
+        of_motors = (self.channels_of(quantity, joints) for quantity in wanted)
         for place, channel in chain(*of_motors, self._wrenches(), self._free()):
             self._refuse_current(place, channel)
             if place in found:
@@ -295,15 +306,22 @@ class ColumnFinder:
 
     def _refuse_current(self, place: Place, channel: Channel) -> None:
         """Refuse currents as forces without the force of an ampere."""
-        plain = words(heading(place.column).name)
-        if channel.quantity == "force" and CURRENT in plain and self.mapping.force_scale is None:
+        if channel.quantity == "force" and self.is_current(place):
             raise self._refused(
-                f"column {place.column!r} is a current, not a force: give the force of one ampere "
-                "(N m or N, by joint) as 'force_scale' in a mapping; with 1, identify says what it "
-                "is by the robot file's masses"
+                f"column {str(place) if len(self.streams) > 1 else place.column!r} is a current, "
+                "not a force: give the force of one ampere, or what its unit is (N m or N, by "
+                "joint) as 'force_scale' in a mapping; with 1, identify says what it is by the "
+                "robot file's masses"
             )
 
-    def _channels_of(
+    def is_current(self, place: Place) -> bool:
+        """Whether a column of forces holds currents, of which the mapping says no force."""
+        said = words(self._names[place])
+        if self._says[place.stream] == "force":
+            said += f"_{words(place.stream)}"
+        return bool(CURRENTS & {*said.split("_")}) and self.mapping.force_scale is None
+
+    def channels_of(
         self, quantity: str, joints: tuple[str, ...]
     ) -> Iterator[tuple[Place, Channel]]:
         """Columns of a quantity, one for each motor, with their scales and offsets."""
@@ -428,11 +446,12 @@ class ColumnFinder:
         """Columns of a quantity in the order of the motors."""
         given: Columns | None = getattr(self.mapping, quantity)
         if given is not None and not isinstance(given, Mapping):
-            return self._listed_columns(given)
+            return self._listed_columns(given, joints)
         if given is not None:
             names = self.mapping.by_joint(self.source, quantity, joints)
             return [self._called(name) for name in names]
-        if self._places and all(map(_are_numbered, self.streams.values())):
+        known = ((self._says[stream], names) for stream, names in self.streams.items())
+        if self._places and all(_are_numbered(names) and not said for said, names in known):
             raise self._refused(
                 f"it starts with numbers: name its columns by their numbers in a mapping; "
                 f"{self._choices()}"
@@ -442,11 +461,16 @@ class ColumnFinder:
             return numbered
         both = [*zip(joints, own, strict=True)]
         lacking = ", ".join(f'"{joint}"' for joint, found in both if not found)
-        lock = f", or lock=[{lacking}] if not moved" if any(own) else ""
-        return [self._only(joint, quantity, found, lock) for joint, found in both]
+        also = f", or lock=[{lacking}] if not moved" if any(own) else ""
+        if not any(own) and len(self.streams) == 1:
+            also = ", or give the folder if another file has it"
+        return [self._only(joint, quantity, found, also) for joint, found in both]
 
-    def _listed_columns(self, given: StreamColumns) -> list[Place]:
-        """Columns in the order of the motors; by default all of a stream but its time."""
+    def _listed_columns(self, given: StreamColumns, joints: tuple[str, ...] = ()) -> list[Place]:
+        """Columns in the order of the motors.
+
+        By default those of a stream that are called as joints are, or all of it but its time.
+        """
         if given.stream is None:
             return [self._called(name) for name in given.columns or []]
         if given.stream not in self.streams:
@@ -464,30 +488,60 @@ class ColumnFinder:
                 f"motors; {self._choices()}"
             )
         times, names = self.time(given.stream).names, self.streams[given.stream]
-        return [Place(given.stream, name) for name in names if name not in times]
+        places = [Place(given.stream, name) for name in names if name not in times]
+        named = {words(self._names[place]): place for place in places}
+        if joints and all(words(joint) in named for joint in joints):
+            return [named[words(joint)] for joint in joints]
+        return places
 
     def _numbered(self, quantity: str) -> list[Place]:
         """Columns such as position_0, position_1, ... or tau1, tau2, ..."""
-        for word, pattern in product(WITH_NUMBER.get(quantity, ()), NUMBERED):
-            for first in (0, 1):
-                places: list[Place] = []
-                for k in count(first):
-                    found = self._matching([pattern.format(word=word, k=k)])
-                    if not found:
-                        break
-                    places.append(self._only(f"motor {k}", quantity, found))
-                if places:
-                    return places
+        usual = [
+            (pattern.replace("{word}", word), "")
+            for word, pattern in product(WITH_NUMBER.get(quantity, ()), NUMBERED)
+        ]
+        numbers = [(pattern, quantity) for pattern in JUST_NUMBERED]
+        for (pattern, said), first in product([*usual, *numbers], (0, 1)):
+            places: list[Place] = []
+            for k in count(first):
+                found = self._matching([pattern.format(k=k)])
+                found = [each for each in found if self._says[each.stream] == said or not said]
+                if not found:
+                    break
+                likeliest = self._likeliest(found, quantity)
+                places.append(self._only(f"motor {k}", quantity, likeliest))
+            if places:
+                return places
         return []
 
     def _of_joint(self, joint: str, quantity: str) -> list[Place]:
-        """Columns such as leg1.force, leg1_force, force.leg1; a position may be leg1, too."""
-        names = [
-            pattern.format(joint, word)
-            for word in WITH_JOINT[quantity]
-            for pattern in ("{}.{}", "{}_{}", "{1}.{0}", "{1}_{0}")
-        ]
-        return self._matching(names, (joint,) if quantity == "position" else ())
+        """Columns such as leg1.force, leg1_force, force.leg1; a position may be leg1, too.
+
+        So may what the name of a stream says, as of a file.
+        """
+        alone = self._matching([joint], ends=False)
+        alone = [each for each in alone if (self._says[each.stream] or "position") == quantity]
+        for kind in (WITH_JOINT[quantity], CURRENTS if quantity == "force" else ()):
+            names = [
+                pattern.format(joint, word)
+                for word in kind
+                for pattern in ("{}.{}", "{}_{}", "{1}.{0}", "{1}_{0}")
+            ]
+            if found := [*dict.fromkeys((*self._matching(names), *alone))]:
+                return self._likeliest(found, quantity)
+        return []
+
+    def _likeliest(self, found: list[Place], quantity: str) -> list[Place]:
+        """Of several columns those in streams that say what they hold, or nothing else."""
+        for said in (quantity, "") if len(found) > 1 else ():
+            if best := [place for place in found if self._says[place.stream] == said]:
+                return best
+        return found
+
+    @cached_property
+    def _says(self) -> dict[str, str]:
+        """What streams hold by their own names, as those of files; nothing of one alone."""
+        return {name: _said(name) if len(self.streams) > 1 else "" for name in self.streams}
 
     def names(self, joint: str) -> bool:
         """Whether a column has the name of a joint in its own, or the mapping names one for it."""
@@ -532,11 +586,11 @@ class ColumnFinder:
             raise self._refused(f"{said}: {choice}", given=reference)
         return found[0]
 
-    def _matching(self, names: Sequence[str], alone: Sequence[str] = ()) -> list[Place]:
-        """Columns by names, their words, or the end of a path; some stand ``alone`` only."""
-        wanted = [name.casefold() for name in (*names, *alone)]
-        by_words = [words(name) for name in (*names, *alone)]
-        paths = [words(name) for name in names]
+    def _matching(self, names: Sequence[str], *, ends: bool = True) -> list[Place]:
+        """Columns by names, their words, or, with ``ends``, the end of a path."""
+        wanted = [name.casefold() for name in names]
+        by_words = [words(name) for name in names]
+        paths = by_words if ends else []
         for found, keys in zip(self._by_name, (wanted, by_words, paths), strict=True):
             places = [place for key in dict.fromkeys(keys) for place in found.get(key, ())]
             if places:
@@ -557,7 +611,8 @@ class ColumnFinder:
         """Columns by name whatever the case, by words, and by the words at the end of a path."""
         found = tuple(defaultdict[str, list[Place]](list) for _ in range(3))
         for place, name in self._names.items():
-            keys = [place.column.casefold()], {words(place.column), words(name)}, endings(name)
+            path = endings(f"{place.stream}/{name}" if len(self.streams) > 1 else name)
+            keys = [place.column.casefold()], {words(place.column), words(name)}, path
             for places, own in zip(found, keys, strict=True):
                 for key in own:
                     places[key].append(place)
@@ -574,6 +629,13 @@ class ColumnFinder:
 
     def _refused(self, said: str, **facts: object) -> LogError:
         return LogError(f"{self.source}: {said}", source=self.source, **facts)
+
+
+def _said(stream: str) -> str:
+    """The quantity in the words of a stream's name; of several, or of none, nothing."""
+    said = {*words(stream).split("_")}
+    found = [quantity for quantity, known in OF_STREAMS.items() if known & said]
+    return "command" if "command" in found else found[0] if len(found) == 1 else ""
 
 
 def _are_numbered(names: Sequence[str]) -> bool:
