@@ -213,7 +213,7 @@ class Plant:
             known |= {f"{joint}.Fc": self.coulomb[k], f"{joint}.Fv": straight[k]}
             inertia = drives.rotor[k] + straight[k] * STEP / 2
             known |= {f"{joint}.Ia": inertia, f"{joint}.Ks": self.spring}
-            known |= {f"{joint}.Fo": self.offset * self.coulomb[k]}
+            known |= {f"{joint}.Fo": self.offset * self.coulomb[k], f"{joint}.Ft": self.load}
         return base.values(np.array([known.get(n, 0.0) for n in base.parameters.labels]))
 
     def motion(self, pace: str = "fast", seconds: float | None = None) -> Motion:

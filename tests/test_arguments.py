@@ -192,9 +192,12 @@ def test_sizes_beyond_all_use_are_refused_before_work_begins(knee, ask, name):
 
 @pytest.mark.parametrize(
     ("caller", "is_checked"),
-    [("loopid.robot.robot", False), ("loopid.cli.robots", True), ("loopids", True), ("mine", True)],
+    [
+        *(("loopid.robot.robot", False), ("loopids", True), ("mine", True)),
+        *(("loopid.cli.robots", True), ("loopid.identification.saved", True)),
+    ],
 )
-def test_calls_of_loopid_are_not_checked_but_for_its_commands(caller, is_checked):
+def test_calls_of_loopid_are_not_checked_but_of_what_users_say_or_files_hold(caller, is_checked):
     @checked
     def function(value: int) -> object:
         return value

@@ -313,7 +313,8 @@ def _with_checks(
 
 # Who calls from these is whoever called them.
 BETWEEN = {"loopid.arguments", "loopid.records", "contextlib", "dataclasses"}
-USERS = "loopid.cli."  # commands pass on what users say
+# Commands pass on what users say, and saved fits what is in files.
+USERS = "loopid.cli.", "loopid.identification.saved"
 
 
 def _loopid_calls() -> bool:

@@ -21,7 +21,7 @@ Severity = Literal["mistake", "warning", "note"]
 FALSE_ALARM, EVIDENCE = 0.01, 3.0
 
 
-@record(checked=True)
+@record(checked="outside")
 class Finding:
     """One thing to know.
 

@@ -55,7 +55,7 @@ class Draws(ABC):
         """The observation with more samples: these, and others of another seed."""
 
 
-@record(checked=True)
+@record(checked="outside")
 class Observation:
     """Stacked rows of a regressor W, reduced to R of W = Q R.
 

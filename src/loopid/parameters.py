@@ -80,7 +80,7 @@ class Parameter:
         return cls(link, kind + label[end:])
 
 
-@record(checked=True)
+@record(checked="outside")
 class ParameterSet:
     """An ordered set of parameters: the names of a regressor's columns.
 

@@ -64,7 +64,7 @@ def record(
         Whether all fields are given by their names.
     checked : bool or "outside"
         Whether fields, and arguments of public methods, are checked against their annotations, as
-        ``arguments.checked`` does; "outside" where loopid makes many, as ``checked_outside``.
+        ``arguments.checked`` does; "outside" of results, as ``checked_outside``.
 
     Examples
     --------

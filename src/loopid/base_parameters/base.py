@@ -44,7 +44,7 @@ KNOWN_DIGITS = 10  # of a coefficient: round-off is in those beyond
 LEAST_TIME = 0.01  # s, for a search after one that used all there was
 
 
-@record(checked=True)
+@record(checked="outside")
 class BaseParameters(Tabular):
     """A minimal set of parameters that reproduces every force, W_B Φ_base = W Φ [Gautier1991].
 

@@ -81,7 +81,7 @@ class SearchOptions:
         return float(f"{self.tolerance * 10.0 ** max(0, decades):.12g}")
 
 
-@record(checked=True)
+@record(checked="outside")
 class ChoiceProblem:
     """Choose d of n parameters to be dependent, so that the criterion is least.
 

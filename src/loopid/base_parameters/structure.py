@@ -33,7 +33,7 @@ NOISE = 10.0  # times the error of a null vector's row: smaller coefficients are
 COARSE = 1e-6  # of the last value that counts, of columns of equal length: more is no round-off
 
 
-@record(checked=True)
+@record(checked="outside")
 class Structure:
     """Rank and null space of an observation.
 

@@ -74,7 +74,7 @@ class LoopOptions:
 USUAL = LoopOptions()
 
 
-@record(checked=True)
+@record(checked="outside")
 class ControlRun:
     """What happened: N samples.
 

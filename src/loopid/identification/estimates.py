@@ -88,7 +88,7 @@ class Estimate:
         )
 
 
-@record(checked=True)
+@record(checked="outside")
 class Estimates(Tabular):
     """What a ``Fit`` knows; there, what each attribute is, and what it becomes."""
 

@@ -30,7 +30,7 @@ from loopid.registry import Registry
 from loopid.workers import one_blas_thread
 
 
-@record(checked=True)
+@record(checked="outside")
 class WorkingFit:
     """A fit, and the least squares that it amounts to.
 

@@ -52,7 +52,7 @@ LEAST_STATES, ROWS_PER_COLUMN = 60, 3
 FEW = 5  # states that decide whether closures are redundant
 
 
-@record(checked=True)
+@record(checked="outside")
 class ForceModel:
     """Forces of the independent coordinates, linear in the n parameters that can be identified.
 

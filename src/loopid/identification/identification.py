@@ -27,7 +27,7 @@ NAMED = 4  # parameters that a note names
 IDLE = 0.3  # part of a motor's samples left out, above which it is worth a word
 
 
-@record(checked=True)
+@record(checked="outside")
 class Identification(Outcome):
     """What recordings say about a robot; candidates and parameters are found by name.
 

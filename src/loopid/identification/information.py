@@ -84,7 +84,7 @@ def _weighed(
     return weights, R, K, 1.0 / np.where(joints > 0, joints, 1.0)
 
 
-@record(checked=True)
+@record(checked="outside")
 class Excitation:
     """SVD of the scaled regressor of n parameters.
 

@@ -41,7 +41,7 @@ CLEARLY_BETTER = 1.25  # ratio of errors above which another candidate is worth 
 ROBOT_FILE, ALL = "robot file", "all parameters"
 
 
-@record(checked=True)
+@record(checked="outside")
 class Outcome:
     """What an ``Identification`` found; there, what each attribute is, and what it says."""
 

@@ -35,7 +35,7 @@ from loopid.records import record
 DEPENDENT = 1e-6  # part of a unit column beside the others below which it adds nothing
 
 
-@record(checked=True)
+@record(checked="outside")
 class FitProblem:
     """Forces and regressors of several actuators, reduced to triangular factors.
 
@@ -141,7 +141,7 @@ class FitProblem:
         return np.asarray((self.factors[:, :, -1] ** 2).sum(axis=1), dtype=np.float64)
 
 
-@record(checked=True)
+@record(checked="outside")
 class FitSamples:
     """Forces of several actuators over time, and their regressor.
 

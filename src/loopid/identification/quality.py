@@ -13,7 +13,7 @@ from loopid.records import record
 CONSTANT_FORCE = 1e-12
 
 
-@record(checked=True)
+@record(checked="outside")
 class Quality:
     """Residuals of parameters on data, by actuator; NaN where it has no samples."""
 
@@ -47,7 +47,7 @@ def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
     return Quality.of(problem, problem.residual_squares(phi))
 
 
-@record(checked=True)
+@record(checked="outside")
 class NoiseModel:
     """An autoregressive model of each actuator's errors, e_t = Σ c_k e_{t-k} + ε_t.
 
@@ -68,7 +68,7 @@ class NoiseModel:
     informing_samples: FloatArray
 
 
-@record(checked=True)
+@record(checked="outside")
 class Robustness:
     """Scale and weights of the residuals of a robust fit, by actuator; NaN without samples."""
 
@@ -84,7 +84,7 @@ class Robustness:
 LEAST_OFF, LARGEST_OFF, LARGEST_OF_BODY = 0.4, 1.0, 3.0
 
 
-@record(checked=True)
+@record(checked="outside")
 class FileDeviation:
     """How far the bodies of the robot file are off, as the data say, in parts of themselves."""
 
@@ -126,7 +126,7 @@ class FileDeviation:
         )
 
 
-@record(checked=True)
+@record(checked="outside")
 class TermDeviations:
     """Prior deviations of groups of joint terms, as the evidence of the data chooses them."""
 
@@ -137,7 +137,7 @@ class TermDeviations:
     evidence: FloatArray
 
 
-@record(checked=True)
+@record(checked="outside")
 class MotorUse:
     """How the motors were used in the samples of a fit."""
 
@@ -153,7 +153,7 @@ class MotorUse:
         return float(self.slowest[k]), float(self.fastest[k])
 
 
-@record(checked=True)
+@record(checked="outside")
 class Ripples:
     """Waves of forces of motors over their positions, which estimates are beside."""
 
@@ -162,7 +162,7 @@ class Ripples:
     size: FloatArray  # (r,), root mean square in N or N m
 
 
-@record(checked=True)
+@record(checked="outside")
 class StandardUncertainty:
     """What the covariance of a fit, and the robot file, say of the p standard parameters.
 

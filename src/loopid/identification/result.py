@@ -28,7 +28,7 @@ RECOMMENDED = "parameters.yaml"  # in the folder of ``loopid identify --out``
 VALUES = "values"  # estimator of values that nothing was fitted to
 
 
-@record(checked=True)
+@record(checked="outside")
 class Fit(Estimates):
     """Estimated parameters with their uncertainty, found by their names or sums.
 
@@ -402,7 +402,7 @@ def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
     """
     file = FitFile.read(fit_file(path))
     own = robot if isinstance(robot, Robot) else file.load_robot(robot)
-    return Fit(**file.estimates, model=file.model_of(own))
+    return file.fit(Fit, file.model_of(own))
 
 
 def of_all(found: Fit, parameters: ParameterSet, columns: IntArray, others: FloatArray) -> Fit:

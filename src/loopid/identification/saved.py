@@ -16,7 +16,7 @@ from hashlib import sha256
 from importlib.metadata import version
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
@@ -38,6 +38,8 @@ from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion_regressors import motion_parameters
 from loopid.regressors.structural import structural_observation
 from loopid.robot.robot import Robot
+
+Kind = TypeVar("Kind", bound=Estimates)
 
 ENDINGS = (".yaml", ".yml", ".json")
 FORM, VERSION = "loopid fit", 3  # another version is refused
@@ -158,26 +160,25 @@ class FitFile:
         given = self.force_model.get("joint_terms")
         return None if given is None else JointTerms(**given)
 
-    @property
-    def estimates(self) -> dict[str, Any]:
-        """What a ``Fit`` is made of but its force model, the same to the bit."""
+    def fit(self, kind: type[Kind], model: ForceModel | None = None) -> Kind:
+        """A ``Fit``, or what it has of ``Estimates``, the same to the bit."""
         estimate = dict(self.content["estimate"])
         if known := estimate.get("uncertainty"):
             ends = ("file", "degrees_of_freedom")  # null where infinite
             found = {name: [math.inf if x is None else x for x in known[name]] for name in ends}
             estimate["uncertainty"] = known | found
         for name, hint in get_type_hints(Estimates).items():
-            kind: Any = next(filter(is_dataclass, (hint, *get_args(hint))), None)
-            if kind is not None and name in estimate:
-                estimate[name] = kind(**estimate[name])
+            own: Any = next(filter(is_dataclass, (hint, *get_args(hint))), None)
+            if own is not None and name in estimate:
+                estimate[name] = own(**estimate[name])
         values = [each.get("value") for each in self.content["standard_parameters"]]
-        return {
-            **estimate,
+        estimate |= {
             "parameters": self.parameters,
             "values": [each["value"] for each in self.content["base_parameters"]],
             "covariance": self.content["covariance"],
             "standard_parameters": None if None in values else values,
         }
+        return kind(**estimate, model=model)
 
     @property
     def standard(self) -> ParameterSet:
@@ -290,7 +291,7 @@ class FitFile:
 
     def _require_same_numbers(self, model: ForceModel, R: FloatArray) -> None:
         """Refuse other forces or coefficients; R is the triangular factor of all columns."""
-        fit = Estimates(**self.estimates, model=model)
+        fit = self.fit(Estimates, model)
         names = "configurations", "velocities", "accelerations", "forces"
         *state, forces = (np.array(self.content["check"][name]) for name in names)
         apart = np.abs(_forces(fit.require_model(), fit.values, *state) - forces).max(axis=0)

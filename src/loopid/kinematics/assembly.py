@@ -90,7 +90,7 @@ class AssemblyOptions:
 USUAL = AssemblyOptions()
 
 
-@record(checked=True)
+@record(checked="outside")
 class Assembly:
     """Assembled configurations.
 

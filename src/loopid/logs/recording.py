@@ -184,7 +184,7 @@ class RateHistory:
         return np.concatenate(filtered)[self.rows]
 
 
-@record(checked=True)
+@record(checked="outside")
 class Recording(Tabular):
     """A motion of the whole robot with the motor forces that went with it.
 

@@ -19,7 +19,7 @@ from loopid.records import record
 from loopid.robot.robot import Robot, lock_options
 
 
-@record(checked=True)
+@record(checked="outside")
 class JointMotion:
     """Configurations of a robot over time, and the motion of its independent coordinates.
 

@@ -61,7 +61,7 @@ class Noise:
     encoder_step: NotNegative = 0.0
 
 
-@record(checked=True)
+@record(checked="outside")
 class Measurement(Tabular):
     """Simulated signals of all m motors, which ``identify`` takes as it takes a log.
 

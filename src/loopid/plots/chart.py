@@ -83,7 +83,7 @@ _TEXTS: Any = {str: _add_text}
 E = ElementMaker(typemap=_TEXTS, makeelement=html_parser.makeelement)
 
 
-@record(checked=True)
+@record(checked="outside")
 class Mark:
     """Something drawn in a panel; marks of one name have one entry in the legend.
 
@@ -134,7 +134,7 @@ class Mark:
         return np.asarray(np.unique(np.minimum(rows, count - 1)), dtype=np.int64)
 
 
-@record(checked=True)
+@record(checked="outside")
 class Panel:
     """Marks on one pair of axes, or a table with a picture in each row.
 
@@ -311,7 +311,7 @@ class Panel:
         return E.table({"class": f"forest{' wide' * bool(self.columns)}"}, head, body)
 
 
-@record(checked=True)
+@record(checked="outside")
 class Chart:
     """Panels below or beside each other.
 

@@ -84,7 +84,7 @@ class PriorGroup:
     correlation: Callable[[FloatArray, FloatArray], FloatArray] | None = None
 
 
-@record(checked=True)
+@record(checked="outside")
 class JointTerm:
     """A law of a force in a joint.
 

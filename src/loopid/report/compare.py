@@ -40,7 +40,7 @@ def comparison_report(files: dict[str, FitFile]) -> Report:
     """Values of saved fits by the name of their run, matched by what they are sums of."""
     if len(files) < 2:
         raise OptionError(f"two fits or more can be compared, not {len(files)}", given=len(files))
-    fits = {name: Fit(**file.estimates) for name, file in files.items()}
+    fits = {name: file.fit(Fit) for name, file in files.items()}
     if not set.intersection(
         *({each.expression for each in fit.estimates} for fit in fits.values())
     ):

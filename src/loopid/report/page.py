@@ -44,7 +44,7 @@ DECADES = 3  # of a gauge, which ends at 100 %
 Part = str | Table | Chart | HtmlElement
 
 
-@record(checked=True)
+@record(checked="outside")
 class Section:
     """A title, and what stands below it.
 
@@ -108,7 +108,7 @@ def _table(table: Table, some: range) -> HtmlElement:
     return E.div({"class": "table", "tabindex": "0"}, found, *note)
 
 
-@record(checked=True)
+@record(checked="outside")
 class Figure:
     """A number that a page shows first.
 
@@ -145,7 +145,7 @@ class Figure:
         )
 
 
-@record(kw_only=True, checked=True)
+@record(kw_only=True, checked="outside")
 class Card:
     """What a page says first: a word, for what, and what to do next.
 
@@ -213,7 +213,7 @@ def _sentence(text: str, end: str = "") -> str:
     return f"{text[:1].upper()}{text[1:]}{end}" if word.isalpha() else text + end
 
 
-@record(checked=True)
+@record(checked="outside")
 class Page:
     """One file of HTML.
 
@@ -271,7 +271,7 @@ class Page:
         return E.nav(E.div(*links))
 
 
-@record(kw_only=True, checked=True)
+@record(kw_only=True, checked="outside")
 class Report:
     """What a command found, for all ways of showing it; what is drawn is made when it is shown.
 
