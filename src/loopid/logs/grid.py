@@ -34,6 +34,7 @@ GAP = 5.0  # median steps: a longer one between time stamps is a gap
 LEAST_ROWS = 4  # of a stream, and of a segment without gaps: shorter ones are none
 # Part of a step by which samples may be off an even grid, and are taken as they are.
 EVEN = 0.01
+APART = 0.5  # median steps by which samples of one source are apart, none of which is doubled
 MOST_NAMED = 5  # rows in a message
 UNIT = 0.1  # by which the length of a measured quaternion may be off one
 
@@ -98,6 +99,47 @@ class Stream:
         )
 
 
+def make_streams(
+    source: str, table: Table, time: TimeColumn, channels: tuple[Channel, ...]
+) -> list[Stream]:
+    """The stream of a table, or those of several rates, each with cells in rows of its own.
+
+    There columns that are empty in the same rows lack no sample: their other rows are even.
+    """
+    cells, rows = table.cells, table.rows
+    empty = np.stack([np.isnan(numbers_in(source, cells[c.column])) for c in channels], axis=1)
+    groups: dict[bytes, list[int]] = {}
+    for k, own in enumerate(empty.T):
+        groups.setdefault(own.tobytes(), []).append(k)
+    firsts = [own[0] for own in groups.values()]
+    stamps = time.stamps(source, cells, rows)
+    stamped = stamps != NO_STAMP
+    if not (
+        empty.any(axis=1).mean() > BAD_ROWS
+        and all(_lacks_none(stamps[stamped & ~empty[:, k]]) for k in firsts)
+    ):
+        return [make_stream(source, table, time, channels)]
+    said = (f"{channels[k].column} in {(~empty[:, k]).sum()}" for k in firsts)
+    warn(
+        f"{source}: columns have samples in rows of their own, of {len(rows)} "
+        f"{', '.join(said)}: each is read at its own rate",
+        DataWarning,
+    )
+    found = []
+    for own in groups.values():
+        filled = ~empty[:, own[0]]
+        part = table._replace(cells=cells.filter(filled), rows=rows[filled])
+        found.append(make_stream(source, part, time, tuple(channels[k] for k in own)))
+        table = Table(cells, rows)  # rows that are garbled or cut off are said once
+    return found
+
+
+def _lacks_none(stamps: IntArray) -> bool:
+    """Whether samples at stamps (R,) follow one another evenly, so that few are missing."""
+    steps = np.diff(stamps)
+    return len(steps) >= LEAST_ROWS and bool(steps.mean() <= (1 + BAD_ROWS) * np.median(steps))
+
+
 def make_stream(
     source: str, table: Table, time: TimeColumn, channels: tuple[Channel, ...]
 ) -> Stream:
@@ -143,12 +185,16 @@ def stream_of(
 
 
 def with_increasing_stamps(stream: Stream) -> Stream:
-    """The stream without rows that repeat a time stamp; a LogError where the time goes back."""
+    """The stream without rows that repeat a time stamp; a LogError where the time goes back.
+
+    A row that comes a little late, as packets of a network do, is put where its time is.
+    """
     if (stream.stamps[1:] > stream.stamps[:-1]).all():
         return stream
+    stream = _in_order(stream)
     same = np.append(False, np.diff(stream.stamps) == 0)
     same[1:] &= (stream.values[1:] == stream.values[:-1]).all(axis=1)
-    stream = stream.without(same, "the same time and values as in the row before")
+    stream = stream.without(same, "the same time and values as in the row before", 1.0)
     again = np.append(False, np.diff(stream.stamps) == 0)
     span = (stream.stamps[-1] - stream.stamps[0]) / 1e9
     if again.mean() > REPEATED_STAMPS and span > 0:
@@ -169,6 +215,24 @@ def with_increasing_stamps(stream: Stream) -> Stream:
             "recorded one after the other as logs of their own"
         )
     return stream
+
+
+def _in_order(stream: Stream) -> Stream:
+    """The stream with few late rows where their times are, if there is just their place."""
+    order = np.argsort(stream.stamps, kind="stable")
+    stamps, late = stream.stamps[order], np.maximum.accumulate(stream.stamps) - stream.stamps
+    step = float(np.median(np.diff(stamps)))
+    gone = np.append(False, np.diff(order) != 1)  # from their neighbours
+    beside = np.diff(stamps)[gone[1:]]
+    fitting = beside.size and beside.min() >= APART * step
+    if not (fitting and late.max() <= GAP * step and (late > 0).mean() <= BAD_ROWS):
+        return stream
+    warn(
+        f"{stream.source}: {rows_text(stream.rows[late > 0])} of {len(late)} came late, by up to "
+        f"{late.max() / 1e6:.3g} ms: rows are sorted by time",
+        DataWarning,
+    )
+    return replace(stream, rows=stream.rows[order], stamps=stamps, values=stream.values[order])
 
 
 def static_poses(streams: Sequence[Stream]) -> Stream:
@@ -269,7 +333,7 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
             place = columns[channel.quantity].index(channel.joint)
             tables[channel.quantity][:, place] = np.interp(time, stamps, values)
         for reason, numbers in stream.left_out:  # rows without a time lie between others
-            ends = np.interp(numbers[[0, -1]], stream.rows, stamps)
+            ends = np.interp(numbers[[0, -1]], np.sort(stream.rows), stamps)
             dropped.append(Dropped(reason, len(numbers), *ends.tolist()))
     dropped += _outside(times[0], grids, step)
     return Aligned(time, tables, segments, tuple(dropped))

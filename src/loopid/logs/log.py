@@ -32,7 +32,7 @@ from loopid.logs.grid import (
     Stream,
     align,
     free_values,
-    make_stream,
+    make_streams,
     on_even_grid,
     on_even_grids,
     on_joints,
@@ -351,8 +351,8 @@ class Log(Tabular):
         time = finder.time(name)
         wanted = {*time.names, *(channel.column for channel in channels)}
         table = array_table(name, {one: _cells(columns[one]) for one in columns if one in wanted})
-        stream = make_stream(name, table, time, tuple(channels))
-        streams = [on_joints(stream, mapping.joint_maps)]
+        made = make_streams(name, table, time, tuple(channels))
+        streams = [on_joints(stream, mapping.joint_maps) for stream in made]
         return cls.from_streams(name, streams, joints, mapping)
 
     @classmethod

@@ -19,7 +19,7 @@ from loopid.logs.checks import (
     require_known_motion,
     with_checked_rates,
 )
-from loopid.logs.grid import Stream, make_stream, on_joints
+from loopid.logs.grid import Stream, make_streams, on_joints
 from loopid.logs.log import Log
 from loopid.logs.mapping import LogMapping, mapping_of
 from loopid.logs.preparing import prepare
@@ -192,9 +192,9 @@ def read_streams(
                 table = table.between(*rows)
                 source = f"{source}[{rows[0]}:{'' if rows[1] is None else rows[1]}]"
             here = tuple(c for c in channels if c.column in table.cells.columns)
-            stream = make_stream(source, table, time, here)
-            stream = stream.earlier(delays.get(name, 0.0))
-            streams.append(on_joints(stream, mapping.joint_maps))
+            for stream in make_streams(source, table, time, here):
+                stream = stream.earlier(delays.get(name, 0.0))
+                streams.append(on_joints(stream, mapping.joint_maps))
     return streams
 
 

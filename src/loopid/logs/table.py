@@ -168,7 +168,7 @@ def stamps_in(source: str, column: polars.Series, unit: int) -> IntArray:
             stamps = _within_centuries(decimals.to_physical(), 1)
     else:
         raise other_kind(source, column.name, kind, "times")
-    if len(stamps) and (stamps == NO_STAMP).all():
+    if (stamps == NO_STAMP).sum() > len(stamps) / 2:
         _require_possible(source, column, unit)
     return stamps
 
@@ -184,17 +184,17 @@ def _within_centuries(whole: polars.Series, unit: int) -> IntArray:
 
 
 def _require_possible(source: str, column: polars.Series, unit: int) -> None:
-    """Refuse times of which none is within centuries of the epoch."""
-    least = floats(column).abs().min()
-    if isinstance(least, float) and least * unit > LARGEST_STAMP:
+    """Refuse times of which most are not within centuries of the epoch."""
+    usual = floats(column).abs().median()
+    if isinstance(usual, float) and usual * unit > LARGEST_STAMP:
         # The longest that fits: times since the epoch are of this century in one unit only.
-        fitting = [name for name, each in NANOSECONDS.items() if least * each <= LARGEST_STAMP]
+        fitting = [name for name, each in NANOSECONDS.items() if usual * each <= LARGEST_STAMP]
         best = max(fitting, key=NANOSECONDS.__getitem__, default="ns")
         raise LogError(
-            f"{source}: times in column {column.name!r} are {least:.3g} and more, which is too "
+            f"{source}: times in column {column.name!r} are some {usual:.3g}, which is too "
             f"much in its unit: give it in a mapping, as time: {{column: NAME, unit: {best}}}",
             file=source,
-            given=least,
+            given=usual,
         )
 
 
