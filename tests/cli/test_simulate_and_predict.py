@@ -169,6 +169,18 @@ def test_terms_without_values_are_refused(terms, run):
     assert "must be kinds with values, such as Fc=60,Fv=900" in found.err
 
 
+def test_forces_that_are_not_logged_judge_nothing(saved, run, tmp_path):
+    rows = [line.split(",") for line in LOG.read_text().splitlines()]
+    lacking = tmp_path / "lacking.csv"
+    zeros = [["0" if "force" in rows[0][k] else x for k, x in enumerate(row)] for row in rows[1:]]
+    lacking.write_text("\n".join(map(",".join, [rows[0], *zeros])))
+    found = run("predict", saved, lacking, "--out", tmp_path / "out")
+    assert "Predictions that nothing judges: no motor moves with a force" in " ".join(
+        found.out.split()
+    )
+    assert "Not judged" in (tmp_path / "out" / "report.html").read_text()
+
+
 def test_predict_compares_a_log_with_a_fit(saved, run, tmp_path):
     out = tmp_path / "out"
     found = run("predict", str(saved), str(LOG), "--out", str(out), "--json")

@@ -163,3 +163,29 @@ def test_a_log_is_taken_as_it_is():
     assert found.name == "swing"
     expected = loopid.prepare(robot, log)
     np.testing.assert_array_equal(found.motion.velocities, expected.motion.velocities)
+
+
+def test_a_motor_whose_force_is_zero_all_along_is_left_out(load_once):
+    """What the other shows is found without it; another log that has its force tells all."""
+    robot = load_once("five_bar")
+    log = read_log(RUN, robot)
+    silent = np.where(np.arange(2) == 1, 0.0, log.force)
+    lacking = loopid.Log.from_arrays(log.time, log.position, silent, log.joints, name="lacking")
+    terms = FitOptions(terms="Fc,Fv,Fo,Ia")
+    found = quietly(identify, robot, lacking, options=terms)
+    (said,) = (each for each in found.findings if "zero all along" in each.title)
+    assert said.title.startswith("the force of right_crank_joint")
+    assert "forces but that of right_crank_joint in" in found.verdict.use
+    assert not any("never moves" in each.title for each in found.findings)
+    for name in ("left_crank.mx + 2 more", "left_crank_joint.Fc"):
+        estimate, true = found.fit[name], {"left_crank_joint.Fc": 0.1}.get(name, 0.4517)
+        assert abs(estimate.value - true) < 4 * estimate.standard_error
+    assert not found.fit["right_crank_joint.Fc"].determined
+    assert quietly(found.fit.predict, lacking).standing.samples[1] == 0
+    both = quietly(identify, robot, [log, lacking], options=terms)
+    assert not any("zero all along" in each.title for each in both.findings)
+    assert max(found.verdict.error, both.verdict.error) < 0.01
+    with pytest.raises(
+        DataError, match=r"no force of lacking can be used, as all motors .* zero all"
+    ):
+        quietly(identify, robot, replace(lacking, force=0 * silent, checked=False))

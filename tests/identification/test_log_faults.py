@@ -378,6 +378,19 @@ def test_exchanged_positions_that_hardly_ever_close_are_no_explanation(runs):
     assert "scaled by 0.0" in said.title
 
 
+def test_forces_of_another_source_have_no_size(load_once):
+    """As the current of a lift beside its counterweight: near constant, whatever the arm does."""
+    robot = load_once("five_bar")
+    run = record(robot, wander(robot, 1, seconds=10.0, rate=50.0))
+    noise = np.random.default_rng(0).normal(size=len(run.force))
+    force = np.stack([run.force[:, 0], 0.003 * (1 + 0.1 * noise)], axis=1)
+    (said,) = log_faults(robot, [replace(run, force=force)]).mistakes
+    assert re.match(r"the force of right_crank_joint is below \S+ % of what", said.title)
+    assert "scale" not in said.do
+    assert KINDS["gain"].cause(0.0018, 0.002) is None
+    assert KINDS["gain"].cause(0.0010, 0.0003) == (1e-3, "in kN m")
+
+
 @pytest.mark.parametrize("name", ["five_bar", "3ups_rpu"])
 def test_nothing_is_suspected_of_what_is_right(runs, name):
     found = runs(name, 0)

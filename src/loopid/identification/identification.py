@@ -151,7 +151,8 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
     choice = NO_TERMS if terms is None else terms.choice(model.robot)
     taken = [f"{name} from {other}" for name, other in taken_for_offsets(model, found.data).items()]
     unclear = insignificant(fit)
-    idle = [float(1 - run.used.mean(axis=0).min()) for run in runs]
+    left_out = (~run.used & run.force.any(axis=0) for run in runs)
+    idle = [float(each.mean(axis=0).max()) for each in left_out]
     notes = [
         (f"recommended: {found.recommended.name}", _recommendation(found)),
         (

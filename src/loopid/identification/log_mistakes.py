@@ -27,7 +27,7 @@ from loopid.findings import EVIDENCE, Finding
 from loopid.identification.evidence import STRANGE, Evidence, Explanation, Undone
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
-from loopid.identification.mistake_kinds import KINDS, ZERO_OFF, Motors, called
+from loopid.identification.mistake_kinds import KINDS, KNOWN, ZERO_OFF, Motors, called
 from loopid.logs.preparing import NEAR_SINGULAR, in_motion_band
 from loopid.logs.recording import Recording
 from loopid.numbers import NORMAL_95, number
@@ -45,9 +45,8 @@ ROUNDS = 3  # mistakes one after the other
 # file that explains no shape shows no mistake. Less of a factor that nobody has a cause for: a
 # missing force has any, but none takes all of a force away but for a tenth of the same shape.
 SHAPE, FACTOR_SHAPE, SMALL_SHAPE, SMALL = 0.4, 0.15, 0.6, 0.1
-# Half of the 95 % interval at most, as a part of the size: a size that is not known is none. Errors
-# of motors that were exchanged, or of one that lacks inertia, over those before, at most.
-KNOWN, BETTER = 0.5, 0.8
+# Errors of motors that were exchanged, or of one that lacks inertia, over those before, at most.
+BETTER = 0.8
 # Part of the shape of forces that the bodies carry at least, once a gain is undone.
 CARRIED = 0.5
 BY_HAND = Finding(

@@ -14,6 +14,8 @@ import numpy as np
 from loopid.arguments import FloatArray
 from loopid.identification.evidence import Evidence, Explanation, Undone
 
+# Half of the 95 % interval at most, as a part of the size: a size that is not known is none.
+KNOWN = 0.5
 Motors = tuple[int, ...]
 Cause = tuple[float, str]  # a size, and what it is called; nothing of a factor without a name
 
@@ -55,7 +57,12 @@ class MistakeKind(NamedTuple):
         return undone._replace(**{name: changed(getattr(undone, name)) for name in self.fields})
 
     def cause(self, size: float, reach: float) -> Cause | None:
-        """The nearest cause that explains a size with this half of its interval."""
+        """The nearest cause that explains a size with this half of its interval.
+
+        A gain that is not known has none.
+        """
+        if self.fields == ("gain",) and reach > KNOWN * abs(size):
+            return None
         near = [
             (abs(log(size / factor)), (factor, words))
             for factor, words in self.causes
@@ -134,6 +141,10 @@ class _Mistaken(NamedTuple):
 
 
 def _force(one: _Mistaken) -> Called:
+    if one.reach > KNOWN * abs(one.size):  # small, however small
+        most = 100 * (abs(one.size) + one.reach)
+        title = f"the force of {one.listed} is below {most:.2g} % of what is expected"
+        return Called(title, one.sized, "check its column and its unit: its size is not known")
     do = one.scale("force_scale", one.scales)
     if one.alone and one.cause == (-1.0, WRONG_SIGN):  # turned positions look alike
         do += f", or position_scale: {{{one.listed}: -1}} where it is its position that is turned"
@@ -169,7 +180,7 @@ def _zero(one: _Mistaken) -> Called:
 
 def _time(one: _Mistaken) -> Called:
     size, least, most = one.factor, "", ""
-    if one.reach > abs(one.size) / 2:  # forces show only that inertia is missing
+    if one.reach > KNOWN * abs(one.size):  # forces show only that inertia is missing
         size, least, most = one.size + one.reach, "at least ", " or less"
     how = f"{least}{max(size, 1 / size):.3g} times too {'long' if size > 1 else 'short'}"
     do = f"multiply its times by {1 / size:.3g}{' or more' * bool(most)}"

@@ -86,7 +86,10 @@ def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
         parts = force_parts(robot, *state).total[:, :driven]
         needed = max(needed, float(np.abs(parts).max(initial=0.0)))
     if not used.any():
-        raise DataError(f"no force of {names} can be used, as all motors stand or are saturated")
+        raise DataError(
+            f"no force of {names} can be used, as all motors stand, are saturated or have a force "
+            "of zero all along"
+        )
     zero = [robot.independent[k] for k in np.flatnonzero(used & (largest == 0))]
     if zero:
         raise DataError(

@@ -88,8 +88,11 @@ class Prediction(Tabular):
 
     @cached_property
     def standing(self) -> Quality:
-        """Errors elsewhere: there, friction is not known, and a model says little."""
-        return self._quality(~self.recording.used)
+        """Errors elsewhere: there, friction is not known, and a model says little.
+
+        Not of a force of zero all along, which was not recorded.
+        """
+        return self._quality(~self.recording.used & self.recording.force.any(axis=0))
 
     def _quality(self, chosen: BoolArray) -> Quality:
         samples, force = chosen.sum(axis=0), np.where(chosen, self.recording.force, 0.0)

@@ -175,6 +175,7 @@ def _standing(fit: Fit, new: FitSamples, rates: FloatArray) -> tuple[FloatArray,
     """Forces (N, dof) beyond breakaway, and where motors stand (N, dof)."""
     left, loads = new.residual(fit.values), fit.require_model().loads(new.regressor)
     standing = ~new.used & (rates <= IDLE * np.percentile(rates, 99, axis=0))
+    standing &= new.force != 0  # filtered forces are, but of motors whose force is not recorded
     for k, motor in enumerate(new.actuators):
         columns = friction_columns(fit, motor) + load_columns(fit, motor)
         friction = new.regressor[:, k, columns] @ fit.values[columns]

@@ -272,6 +272,8 @@ def _use(found: Outcome, error: float) -> str:
     if single := _of_single_moves(found):
         return f"{NOT_FIT} beyond its own moves, as {single.title}"
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
+    if silent := _silent(found):
+        use += f" but that of {first_of(silent, NAMED)}"
     if standing := _standing(found):
         use += f" with {first_of(standing, NAMED)} at standstill"
     model = _of_model(found)
@@ -326,9 +328,32 @@ def _noisy(found: Outcome) -> tuple[str, float] | None:
 
 def _standing(found: Outcome) -> tuple[str, ...]:
     """Motors that never move in the data."""
-    still = np.flatnonzero(~np.any(found.data.used, axis=0))
-    names = (found.data.actuators[k] for k in still)
-    return tuple(name for name in names if name in found.force_model.robot.actuated)
+    return tuple(name for name in _unused(found) if name not in _silent(found))
+
+
+def _silent(found: Outcome) -> tuple[str, ...]:
+    """Motors whose force is zero all along."""
+    zero = ~np.any(found.data.force, axis=0)
+    return tuple(name for name in _unused(found) if zero[found.data.actuators.index(name)])
+
+
+def _unused(found: Outcome) -> Iterator[str]:
+    for name, used in zip(found.data.actuators, found.data.used.T, strict=True):
+        if name in found.force_model.robot.actuated and not used.any():
+            yield name
+
+
+def _of_silent(found: Outcome) -> Finding | None:
+    """What the data cannot say of motors without force."""
+    silent = _silent(found)
+    if not silent:
+        return None
+    return Finding(
+        "warning",
+        f"the force of {first_of(silent, NAMED)} is zero all along",
+        "it is left out: nothing is known of its friction, nor of bodies that it alone carries",
+        "name the column that has it as 'force' in a mapping",
+    )
 
 
 def _of_standing(found: Outcome) -> Finding | None:
@@ -431,6 +456,7 @@ def _findings(found: Outcome) -> Iterator[Finding | None]:
     for one in found.log_faults:
         yield from one.findings
     yield _of_standing(found)
+    yield _of_silent(found)
     yield from _wrong(found)
     yield from _of_encoders(found)
     yield from _model_findings(found)

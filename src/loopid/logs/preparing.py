@@ -163,8 +163,10 @@ def prepare(
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
         raise LogError(said)
+    silent = np.tile(~log.force.any(axis=0), (len(rows), 1))  # zero all along, as never recorded
+    usable = ~(idle | saturated | silent)
     motion = motion_of(robot, log, logged, rows, found)
-    force, used = on_independent(robot, motion, signals.force[rows], ~(idle | saturated))
+    force, used = on_independent(robot, motion, signals.force[rows], usable)
     if {*log.free} & {*robot.floating} and not log.wrenches:
         warn(
             f"{log.name}: no wrench of the surroundings is given, so that the robot counts as in "
@@ -189,6 +191,7 @@ def prepare(
             *found.dropped,
             *_flagged(log, "stands still", idle, motion.time),
             *_flagged(log, "is saturated", saturated, motion.time),
+            *_flagged(log, "has a force of zero all along", silent, motion.time),
         ),
         cutoff=None if lowpass is None else lowpass.cutoff,
         history=history,

@@ -198,7 +198,8 @@ class Recording(Tabular):
     force : FloatArray
         (N, dof) in N or N m, of the motors and of measured wrenches of the surroundings.
     used : BoolArray
-        (N, dof), false where the force of an actuator says nothing: it stands, or is saturated.
+        (N, dof), false where the force of an actuator says nothing: it stands, is saturated, or was
+        not recorded, which is zero all along.
     segments : IntArray
         (N,), number of the gap-free segment that a sample belongs to, ascending.
     dropped : tuple of Dropped
@@ -398,7 +399,7 @@ class Recording(Tabular):
         if end <= start:
             raise OptionError(f"end must be above start, {start:g} s, not {end:g}", argument="end")
         part = self.select((time >= start) & (time <= end))
-        if not part.used.any():
+        if self.used.any() and not part.used.any():
             raise LogError(
                 f"{self.name}: no motor moves between {start:g} and {min(end, time[-1]):g} s; the "
                 f"log has samples from {time[0]:g} to {time[-1]:g} s"

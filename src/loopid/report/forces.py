@@ -60,9 +60,17 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
     )
     worst, motor, log = max(errors, default=(np.nan, "", ""))
     tone: Tone = "good" if worst <= GOOD else "rough" if worst <= ROUGH else "bad"
+    word = tone.capitalize()
     samples = sum(int(found.moving.samples.sum()) for found in predictions)
     share, where = f"{number(100 * worst, 2)} %", f"({motor}, {log})"
-    gauge = (worst, GOOD, ROUGH) if np.isfinite(worst) else ()
+    verdict = (
+        f"{word} predictions: where motors move, errors are at most {share} of a "
+        f"motor's force {where}, over {samples:,} samples."
+    )
+    gauge = (worst, GOOD, ROUGH) if motor else ()
+    if not motor:
+        verdict = "Predictions that nothing judges: no motor moves with a force that is logged."
+        tone, word, share, where = "info", "Not judged", "-", ""
     shown = dict[str, tuple[Prediction, Table]]()  # by name
     for found in predictions:
         name = stem = PurePath(found.recording.name).name
@@ -72,13 +80,10 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
     return Report(
         name="prediction",
         title=f"{robot.name}: forces predicted",
-        verdict=(
-            f"{tone.capitalize()} predictions: where motors move, errors are at most {share} of a "
-            f"motor's force {where}, over {samples:,} samples."
-        ),
+        verdict=verdict,
         card=Card(
             tone=tone,
-            word=tone.capitalize(),
+            word=word,
             use="predictions of forces where motors move",
             figures=(
                 Figure(share, f"of its force: largest error {where}", gauge=gauge),
