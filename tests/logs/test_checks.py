@@ -11,6 +11,7 @@ from simulated_logs import table
 
 import loopid
 from loopid.errors import DataWarning, LogError
+from loopid.kinematics import measured_coordinates
 from loopid.logs import Log, LogMapping, check_log, read_log
 
 
@@ -545,3 +546,20 @@ def test_the_unit_of_hinges_is_not_advised_for_slides():
     log = loopid.Log.from_arrays(time, motion, motion, robot.actuated)
     with pytest.raises(LogError, match=r"position_scale: \{turn: 0.01745329252\} in a mapping"):
         check_log(robot, log)
+
+
+def test_sizes_of_forces_without_their_signs_are_said_to_be_such(made, load_once, recwarn):
+    """Sizes of what crosses zero; not what touches zero smoothly, nor what pulls only."""
+    robot, time = load_once("five_bar"), np.arange(0, 20, 0.01)
+    a, b = 2 * np.pi * 0.3 * time, 2 * np.pi * 0.2 * time
+    middle = measured_coordinates(robot).read(robot.reference[None].copy())
+    position = middle + 0.1 * np.stack([np.sin(a), np.sin(b)], axis=1)
+    noise = np.random.default_rng(0).normal(scale=0.02, size=(len(time), 2))
+    crossing = np.stack([3 * np.sin(a), 8 + 2 * np.cos(b)], axis=1) + noise
+    with pytest.warns(DataWarning, match=r"left_crank_joint comes down to zero \d+ times"):
+        made(robot, time, position, np.abs(crossing))
+    smooth = np.stack([3 + 3 * np.sin(a), 8 + 2 * np.cos(b)], axis=1) + noise - noise.min()
+    recwarn.clear()
+    for force in (crossing, crossing.clip(0), smooth):
+        made(robot, time, position, force)
+    assert not [one for one in recwarn if "signs" in str(one.message)]

@@ -14,7 +14,7 @@ h5py = pytest.importorskip("h5py")
 polars = pytest.importorskip("polars")
 NAMES = ("time", "crank_joint.position", "crank_joint.force")
 HEAD = ",".join(NAMES)
-ROWS = "".join(f"{k / 100},{k / 1000},{k % 7}\n" for k in range(300))
+ROWS = "".join(f"{k / 100},{k / 1000},{k % 7 - 3}\n" for k in range(300))
 ARABIC = ROWS.replace("1", "\u0661")
 
 

@@ -109,6 +109,19 @@ def test_positions_of_rostopic_go_by_the_names_beside_them(tmp_path, same, stamp
     same(echoed(tmp_path / "log.txt", order=MOTORS[::-1], stamps=stamps))
 
 
+def test_positions_of_bagpy_go_by_the_names_beside_them(tmp_path, same):
+    """A driver lists joints in the order of the alphabet, not of the arm."""
+    header = ["Time", "header.seq", "header.stamp.secs", "header.stamp.nsecs", "header.frame_id"]
+    header += [f"{word}_{k}" for word in ("name", "position", "effort") for k in range(2)]
+    lines = [",".join(header)]
+    for t, q, f in zip(TIME, POSITION[:, ::-1], FORCE[:, ::-1], strict=True):
+        stamp = divmod(1_700_000_000_000_000_000 + round(1e9 * t), 10**9)
+        cells = [1_700_000_000 + t, 0, *stamp, "", *MOTORS[::-1], *q.tolist(), *f.tolist()]
+        lines.append(",".join(map(str, cells)))
+    (path := tmp_path / "joint_states.csv").write_text("\n".join(lines) + "\n")
+    same(path)
+
+
 def test_names_of_rostopic_that_change_are_refused(tmp_path, robot):
     path = echoed(tmp_path / "log.csv")
     head, *rows = path.read_text().splitlines()

@@ -1,4 +1,4 @@
-"""Logs of ``rostopic echo -p``: a table of text whose cells hold the names of the joints."""
+"""Logs of ``rostopic echo -p`` and bagpy: tables of text whose cells hold the joints' names."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from loopid.files import LONGEST_LINE
 from loopid.formats.text import TextFormat
 from loopid.logs.table import LOOKED_AT, Table
 
-FIRST = b"%time,field."  # bytes of such a file
+# Columns with a name, as "field.name0" of rostopic or "name_0" of bagpy; between commas.
+NAME, BETWEEN = re.compile(r"((?:.*[./])?)name([_.\[]?)(\d+)(\]?)"), re.compile(r"[,;\t]")
+FIELD = "field."  # that all columns of rostopic but the first begin with
 QUANTITIES = {"position": "position", "velocity": "velocity", "effort": "force"}
-STAMP = "field.header.stamp"
+STAMP = f"{FIELD}header.stamp"
 TIME = "time [ns]"
 
 
@@ -26,8 +28,8 @@ class RostopicFormat(TextFormat):
         if path.is_dir() or not super().accepts(path):
             return False
         with path.open("rb") as file:
-            header = file.readline(LONGEST_LINE)
-            return header.startswith(FIRST) and b",field.name0," in header
+            header = file.readline(LONGEST_LINE).decode("latin-1")
+        return any(NAME.fullmatch(cell.strip(' "\r\n')) for cell in BETWEEN.split(header))
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         return {stream: tuple(self._written) for stream in super().columns()}
@@ -44,12 +46,14 @@ class RostopicFormat(TextFormat):
     def _written(self) -> dict[str, str]:
         """Columns by what they hold: ``joint.quantity`` and the time."""
         ((stream, names),) = super().columns().items()
-        cells = re.compile(r"field\.name(\d+)")
-        numbers = {name: match[1] for name in names if (match := cells.fullmatch(name))}
+        cells = {name: match for name in names if (match := NAME.fullmatch(name))}
+        of_rostopic = names[-1].startswith(FIELD)
         stamp = STAMP if STAMP in names else names[0]
-        (table,) = super().tables(stream, [*numbers, stamp], [])
-        joints = {}
-        for column, number in numbers.items():
+        (table,) = super().tables(stream, [*cells, stamp], [])
+        found = {name: name for name in names if name not in cells}
+        if of_rostopic:
+            found = {TIME: names[0] if (table.cells[stamp] == "0").all() else stamp}
+        for column, cell in cells.items():
             said = table.cells[column].unique()
             if len(said) != 1:
                 raise LogError(
@@ -57,10 +61,10 @@ class RostopicFormat(TextFormat):
                     f"are of several: {', '.join(map(str, said.head(LOOKED_AT)))}",
                     file=self.path,
                 )
-            joints[number] = str(said[0]).strip()
-        found = {TIME: names[0] if (table.cells[stamp] == "0").all() else stamp}
-        for number, joint in joints.items():
+            before, mark, number, after = cell.groups()
             for word, quantity in QUANTITIES.items():
-                if (column := f"field.{word}{number}") in names:
-                    found[f"{joint}.{quantity}"] = column
+                values = f"{before}{word}{mark}{number}{after}"
+                if values in names:
+                    found.pop(values, None)
+                    found[f"{str(said[0]).strip()}.{quantity}"] = values
         return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,10 @@ FITTING = 0.9  # part of the values that a change of unit must bring inside
 EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how it was written
 # A step of rad from which on a joint that may turn further was counted from anew, not that fast.
 RESET = 0.9 * 2 * np.pi
+# Sizes that bounce off zero: how often at least, parts of their 99th percentile that are near zero
+# and far from it, and samples near it over those between. At a steady slope these are a third, at a
+# smooth turn as many.
+BOUNCES, NEAR_ZERO, STEEP = 5, (0.05, 0.2), 0.6
 COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of the position
 
 
@@ -93,6 +98,7 @@ def check_log(robot: Robot, log: Log) -> Log:
     whole = stream_of(log.name, log.joints, log.time, given, log.slides)
     stream = check_stream(robot, whole, static=log.static)
     check_moving([stream])
+    check_signs([stream])
     if len(stream.rows) < len(log):
         dropped = (Dropped.at(why, log.time[lost - 1]) for why, lost in stream.left_out)
         log = log.select(np.isin(whole.rows, stream.rows), *dropped)
@@ -318,6 +324,31 @@ def check_moving(streams: Sequence[Stream]) -> None:
                 f"{source}: the {quantity} of {', '.join(dead)} never changes: a dead sensor?",
                 DataWarning,
             )
+
+
+def check_signs(streams: Sequence[Stream]) -> None:
+    """Warn of forces that are none, but their sizes: none is negative, and one bounces off zero."""
+    forces = [signal for stream in streams for signal in stream.signals("force")]
+    if any(values.min() < 0 for _, values in forces):
+        return
+    times, joint = max(((_bounces(values), joint) for joint, values in forces), default=(0, ""))
+    if times >= BOUNCES:
+        warn(
+            f"{streams[0].source}: no force is ever negative, though that of {joint} comes down to "
+            f"zero {times} times and turns there at once: sizes without their signs?",
+            DataWarning,
+        )
+
+
+def _bounces(values: FloatArray) -> int:
+    """How often sizes (R,) come down to zero, as steep there as above; 0 where they are flat."""
+    level = np.digitize(values, np.array(NEAR_ZERO) * np.percentile(values, 99))
+    ends = np.flatnonzero(level == 2)
+    spells = [level[first + 1 : last] for first, last in pairwise(ends)]
+    spells = [spell for spell in spells if not spell.all()]
+    near = sum(int((spell == 0).sum()) for spell in spells)
+    above = sum(int((spell == 1).sum()) for spell in spells)
+    return len(spells) if near <= STEEP * above + len(spells) / 2 else 0
 
 
 def with_checked_rates(log: Log) -> Log:

@@ -14,6 +14,7 @@ from loopid.errors import FileError, LogError, ModelWarning, OptionError, warn
 from loopid.files import near_file, require_name, why_no_file
 from loopid.logs.checks import (
     check_moving,
+    check_signs,
     check_stream,
     frame_index,
     require_known_motion,
@@ -117,6 +118,7 @@ def _read(
         )
         streams = [check_stream(robot, stream, static=mapping.static) for stream in found]
         check_moving(streams)
+        check_signs(streams)
         name = stream_name(place.resolve())
         log = Log.from_streams(name, streams, robot.actuated, mapping)
         log = with_checked_rates(log)

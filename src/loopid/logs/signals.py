@@ -311,7 +311,7 @@ class ColumnFinder:
                 f"column {str(place) if len(self.streams) > 1 else place.column!r} is a current, "
                 "not a force: give the force of one ampere, or what its unit is (N m or N, by "
                 "joint) as 'force_scale' in a mapping; with 1, identify says what it is by the "
-                "robot file's masses"
+                "robot file's masses, where all motors have the same"
             )
 
     def is_current(self, place: Place) -> bool:
