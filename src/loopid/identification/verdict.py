@@ -328,19 +328,21 @@ def _noisy(found: Outcome) -> tuple[str, float] | None:
 
 def _standing(found: Outcome) -> tuple[str, ...]:
     """Motors that never move in the data."""
-    return tuple(name for name in _unused(found) if name not in _silent(found))
+    return tuple(name for name, silent in _unused(found).items() if not silent)
 
 
 def _silent(found: Outcome) -> tuple[str, ...]:
     """Motors whose force is zero all along."""
-    zero = ~np.any(found.data.force, axis=0)
-    return tuple(name for name in _unused(found) if zero[found.data.actuators.index(name)])
+    return tuple(name for name, silent in _unused(found).items() if silent)
 
 
-def _unused(found: Outcome) -> Iterator[str]:
-    for name, used in zip(found.data.actuators, found.data.used.T, strict=True):
-        if name in found.force_model.robot.actuated and not used.any():
-            yield name
+def _unused(found: Outcome) -> dict[str, bool]:
+    """Motors of which no sample is used, and whether their force is zero all along."""
+    data, motors = found.data, found.force_model.robot.actuated
+    columns = zip(data.actuators, data.used.T, data.force.T, strict=True)
+    return {
+        name: not force.any() for name, used, force in columns if name in motors and not used.any()
+    }
 
 
 def _of_silent(found: Outcome) -> Finding | None:
