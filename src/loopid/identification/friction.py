@@ -242,16 +242,13 @@ def with_friction(
     wide, data = beside(kinds, standard)
     rest = friction_at_rest(data, recordings, weights)
     moving = moving_samples(data, rest)
+    ripple, ripples = ripple_columns(force_model, moving, recordings, weights)
+    if ripple.shape[2]:
+        moving = moving_samples(data, rest, ripple)
     # What plain terms leave of friction is no error.
     with one_blas_thread():
         every, rank = excited_solution(moving.problem.weighted(whole.weights), LEAST_EXCITATION)
     noise = residual_noise(moving, every, rank)
-    ripple, ripples = ripple_columns(force_model, moving, recordings, weights)
-    if ripple.shape[2]:
-        moving = moving_samples(data, rest, ripple)
-        with one_blas_thread():
-            every, rank = excited_solution(moving.problem.weighted(whole.weights), LEAST_EXCITATION)
-        noise = residual_noise(moving, every, rank)
     for _ in range(ROUNDS if kinds else 0):
         standard = consistent_parameters(wide, moving, noise)
         noise = residual_noise(moving, wide.base.values(standard), rank)
