@@ -10,7 +10,7 @@ errors added back to these. A clear force that saves errors on segments left out
 by more than they are known to, is named. It is not added. Intervals hold the bias that it makes. A
 weak spring looks like gravity, and moves estimates of bodies far. Intervals hold the bias of one
 that is likely, though not clear. How much would not show at all is said; intervals hold without
-such a spring.
+such a spring. They hold offsets that were left out, of the size that motors have.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import segments_of
 from loopid.identification.lengths import length_forces
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit
+from loopid.identification.result import Fit, with_errors
+from loopid.identification.terms import KNOWN_OFFSET
 from loopid.logs.recording import Recording
 from loopid.records import record
 from loopid.robot.robot import position_of
@@ -366,6 +367,26 @@ def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
     """A fit whose intervals hold the bias of forces that are missing."""
     biases = [np.outer(each.bias, each.bias) for each in missing if each.certainty != "hidden"]
     return replace(fit, covariance=sum(biases, fit.covariance)) if biases else fit
+
+
+def with_offsets(fit: WorkingFit, motors: Sequence[str]) -> Fit:
+    """The result of a fit whose intervals hold that these motors may have an offset.
+
+    Before any data it is 0 ± ``KNOWN_OFFSET`` times the motor's force, and m ± s beside the fit's
+    values. These stay those without, so that m and s are both errors of theirs.
+    """
+    result, samples = fit.result, fit.samples
+    rows = [samples.actuators.index(motor) for motor in motors]
+    sizes = KNOWN_OFFSET * samples.problem.force_rms[rows]
+    if result.noise is None or not sizes.all() or not rows:
+        return result
+    columns, k = np.zeros((*samples.force.shape, len(rows))), len(rows)
+    columns[:, rows, np.arange(k)] = sizes
+    with one_blas_thread():
+        beside = within_runs(_beside(fit, columns, "offset", of_unit_size=True)).result
+        spread = np.linalg.cholesky(beside.covariance[-k:, -k:])
+        moved = fit.response(columns) @ np.column_stack([spread, beside.values[-k:]])
+    return with_errors(result, moved, np.inf)
 
 
 def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> States:
