@@ -632,7 +632,7 @@ class _Forces:
         return np.concatenate(force), np.concatenate(used)
 
     def slopes(self, force: FloatArray, count: int) -> FloatArray:
-        """What a delay of all, or of each motor or log, does to forces (N, dof): (N, dof, count)."""
+        """What a delay of all, each motor or each log does to forces (N, dof): (N, dof, count)."""
         rates = _rates(self.samples, force, [run.time for run in self.runs])
         acting = self.driven[:, None] * (1.0 if count == 1 else np.eye(rates.shape[1], count))
         if self.log_of is not None and count > 1:
