@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,6 +64,7 @@ SLOW, LARGER = 0.2, 1.25
 # that little looks like more. What is filtered looks like less near singularities, and links are
 # not made that exactly: intervals hold it, and it is no finding.
 LEAST_OFF, MOST_OFF = 5e-5, 0.1
+FOLLOWS = 3  # columns of the motion of another motor
 DEPENDENT = 1e-6  # part of a column beside the fit's below which it adds nothing
 
 
@@ -637,9 +639,10 @@ class _Search:
             columns = self._columns(motor, law, number)
             if count >= ROWS * columns.shape[2]:
                 tried.append(_Tried(law, number, kinds * self.families, self.test.of(columns)))
-        best = min(tried, key=lambda one: self._chance(one, one.found.chance), default=None)
-        if best is not None and self._chance(best, best.found.chance) < FALSE_ALARM:
-            chance = self._chance(best, self.test.confirmed(best.found.columns))
+        best = min(tried, key=lambda one: self._chance(motor, one), default=None)
+        if best is not None and self._chance(motor, best) < FALSE_ALARM:
+            found = best.found._replace(chance=self.test.confirmed(best.found.columns))
+            chance = self._chance(motor, best._replace(found=found))
             if chance < FALSE_ALARM:
                 return [self._missing(motor, best, chance, "clear")]
         springs = (one for one in tried if one.law.term and one.found.x.all())
@@ -655,10 +658,33 @@ class _Search:
         hidden = one.found._replace(x=times * one.found.x, bias=times * one.found.bias)
         return self._missing(motor, one._replace(found=hidden), chance, "hidden")
 
-    def _chance(self, one: _Tried, alone: float) -> float:
-        """Of what is tried for a motor that shows it by some chance: its own, or that of all."""
+    def _chance(self, motor: str, one: _Tried) -> float:
+        """Of what is tried for a motor: its own, or that of all."""
+        alone = one.found.chance
+        if one.law.other and one.tests * alone < FALSE_ALARM:
+            alone = self._beside_others(motor, one.law.other, alone)
         of_all = len(LAWS) * self.families * self.together.get(one.law.said, 1.0)
         return min(one.tests * alone, of_all if alone < ONE_OF_ALL else 1.0)
+
+    def _beside_others(self, motor: str, other: str, chance: float) -> float:
+        """Of a coupling, by how large those of other motors look: genomic control [Devlin1999].
+
+        What the model lacks looks a little like the motion of any motor, and most couple with none.
+        """
+        from scipy.special import chdtrc, chdtri  # slow to import
+
+        pairs = permutations([one for one in self.motors if one not in (motor, other)], 2)
+        others = [self.couplings[pair] for pair in pairs]
+        if not others:
+            return chance
+        times = chdtri(FOLLOWS, np.median(others)) / chdtri(FOLLOWS, 0.5)
+        return float(chdtrc(FOLLOWS, chdtri(FOLLOWS, chance) / max(times, 1.0)))
+
+    @cached_property
+    def couplings(self) -> dict[tuple[str, str], float]:
+        """Chances that the force of a motor, the first, follows the motion of another one."""
+        pairs = permutations(self.motors, 2)
+        return {(a, b): self.test.of(self._columns(a, _coupling(b))).chance for a, b in pairs}
 
     def _missing(self, motor: str, one: _Tried, chance: float, certainty: str) -> MissingForce:
         slides = self.force_model.robot.slides(motor)
