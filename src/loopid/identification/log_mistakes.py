@@ -28,6 +28,7 @@ from loopid.identification.evidence import STRANGE, Evidence, Explanation, Undon
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, KNOWN, ZERO_OFF, Motors, called
+from loopid.identification.own_gains import OwnGains, own_gains
 from loopid.logs.preparing import NEAR_SINGULAR, in_motion_band
 from loopid.logs.recording import Recording
 from loopid.numbers import NORMAL_95, number
@@ -232,7 +233,8 @@ def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]
         # Forces that do not move the robot: what else they say is of no use.
         if not undone and _moved_by_hand(model, found, clear):
             return [BY_HAND], [], found
-        if model.strange(clear[0].after if clear else found, model.present):
+        own = clear and clear[0].own is not None  # of positions that are wrong they may look alike
+        if own or model.strange(clear[0].after if clear else found, model.present):
             finds += _finds(model, found, assembled=True)
             clear = _clear(model, finds, found, undone)
             turned = None if undone else _turned(model, found, clear)
@@ -281,9 +283,12 @@ class _Find(NamedTuple):
     evidence: float  # less what is lost by a choice of size and motor
     size: float = 1.0
     reach: float = 0.0  # half of the 95 % interval
+    own: OwnGains | None = None  # where each motor has a size of its own
 
     def worth(self, found: Explanation) -> bool:
         """Whether a size is known and not as good as none; or errors of all its motors fall."""
+        if self.own is not None:
+            return self.own.wrong > 1
         if not KINDS[self.kind].sizes:
             worse = self.after.error > BETTER * found.error
             return not worse[list(self.motors)].any()
@@ -318,17 +323,24 @@ class _Find(NamedTuple):
             return SMALL_SHAPE
         # Of a gain, no missing force looks alike where people have a cause for its size.
         caused = kind.fields != ("gain",) or kind.cause(self.size, self.reach) is not None
+        if self.own is not None:
+            caused = bool((self.own.gains < 0).any())
         return SHAPE if caused else FACTOR_SHAPE
 
     def mended(self, undone: Undone) -> Undone:
         """With the mistake undone, too, as it is advised: exactly by a cause."""
         kind = KINDS[self.kind]
+        if self.own is not None:
+            for k in self.motors:
+                undone = kind.undone(undone, (k,), 1 / float(f"{1 / self.own.gains[k]:.3g}"))
+            return undone
         cause = kind.cause(self.size, self.reach)
         return kind.undone(undone, self.motors, self.size if cause is None else cause[0])
 
     def finding(self, model: Evidence, found: Explanation) -> Finding:
         """In words, against how the log was explained before."""
-        said = called(self.kind, self.motors, self.size, self.reach, model=model, found=found)
+        sizes = self.size, self.reach
+        said = called(self.kind, self.motors, *sizes, model=model, found=found, own=self.own)
         after, before = (
             100 * one.error / model.sizes([one.undone])[0] for one in (self.after, found)
         )
@@ -360,6 +372,8 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
     """
     first, tried = model.of_few() if assembled else model, list[list[Tried]]()
     for name, kind in KINDS.items():
+        if kind.alone:
+            continue
         count = kind.motors or len(model.present)
         of_one = kind.motors == 0 and count == 1 and kind.fields != ("time",)  # as another kind is
         if kind.assembled != assembled or of_one:
@@ -377,7 +391,19 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
     plain = [(one, 0.0) for *_, one in likely if not KINDS[one[0]].sizes]
     sized = _sized(first, found, [one for *_, one in likely if KINDS[one[0]].sizes])
     sized = [(_as_heavy(first, found, one), deviation) for one, deviation in sized]
-    return _closely(model, found, [*sized, *plain])
+    finds = _closely(model, found, [*sized, *plain])
+    if not assembled and model.strange(found, model.present):
+        finds += _of_own_gains(model, found)
+    return finds
+
+
+def _of_own_gains(model: Evidence, found: Explanation) -> list[_Find]:
+    """Gains of several motors at once, where these explain the forces better."""
+    own = own_gains(model, found)
+    if own is None:
+        return []
+    evidence = own.evidence - log(len(KINDS))
+    return [_Find("own gains", own.motors, own.after, evidence, own=own)]
 
 
 def _undone(found: Explanation, tried: Sequence[Tried]) -> list[Undone]:
@@ -467,6 +493,7 @@ def _clear(
     clear = list[_Find]()
     for find in finds:
         again = any((find.kind, find.motors) == (one.kind, one.motors) for one in undone)
+        again |= KINDS[find.kind].fields == ("gain",) and any(one.own for one in undone)
         worth = find.worth(found) and model.near(find.after, found)
         worth &= model.explains(find.after, find.motors, find.shape, whole=find.kind == "sign")
         if worth and not again and find.evidence - found.evidence >= EVIDENCE:
