@@ -389,13 +389,13 @@ class Evidence:
         given = columns[found.drives]
         products[found.drives] += given.swapaxes(1, 2) @ given
         n, weight = len(kept) - 2, self.independent / found.error**2
-        z = np.append(found.values[kept[:-2]], [1.0, -1.0])
+        x = np.append(found.values[kept[:-2]], 1.0)
         H = np.eye(n) + np.tensordot(weight, products[:, :n, :n], 1)
-        beside = weight[:, None] * products[:, :n, -1]
-        force, error = weight * products[:, -1, -1], weight * (products[:, -1] @ z)
-        own = force - error - 2 * error**2 / np.maximum(self.independent, TINY)
-        bends = beside @ np.linalg.solve(H, beside.T) - np.diag(own)
-        return -(self.independent + error), bends
+        sums = products[:, :, :-1] @ x  # of all columns and what is predicted
+        size, measured = weight * (sums[:, :-1] @ x), weight * sums[:, -1]
+        beside = weight[:, None] * sums[:, :n]
+        bends = beside @ np.linalg.solve(H, beside.T) - np.diag(size)
+        return measured - size, bends
 
     @property
     def _count(self) -> int:

@@ -221,19 +221,23 @@ def _raw_force(run: Recording) -> FloatArray:
     return np.nan_to_num(run.motor_force if run.log is None else run.log.force)
 
 
-def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]:
+def _mistakes(
+    model: Evidence, *, together: bool = True
+) -> tuple[list[Finding], list[_Find], Explanation]:
     """Mistakes one after the other, all that was looked at then, and the log without them.
 
-    Where one spoils all else, as a robot that was moved by hand, it is alone.
+    Where one spoils all else, as a robot that was moved by hand, it is alone. Gains of several
+    motors ``together`` are one mistake, where these one after the other do not explain as much.
     """
     found, undone, mistakes = model.weighed(model.recorded), list[_Find](), list[Finding]()
     while True:
         finds = _finds(model, found, assembled=False)
+        finds += _of_own_gains(model, found) if together else []
         clear = _clear(model, finds, found, undone)
         # Forces that do not move the robot: what else they say is of no use.
         if not undone and _moved_by_hand(model, found, clear):
             return [BY_HAND], [], found
-        own = clear and clear[0].own is not None  # of positions that are wrong they may look alike
+        own = bool(clear) and clear[0].own is not None  # as of positions that are wrong
         if own or model.strange(clear[0].after if clear else found, model.present):
             finds += _finds(model, found, assembled=True)
             clear = _clear(model, finds, found, undone)
@@ -242,6 +246,12 @@ def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]
                 return [turned], [], found
         if not clear or len(undone) == ROUNDS:
             break
+        if clear[0].own is not None:
+            others = _mistakes(model, together=False)
+            if others[0] and _as_likely(model, others[2], clear[0]):
+                return others
+            together = False
+            found = model.weighed(found.undone)
         mistakes.append(_finding(model, clear, found, finds))
         undone.append(clear[0])
         found = model.weighed(clear[0].mended(found.undone))
@@ -249,6 +259,13 @@ def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]
     if mistakes and not model.explains(found, model.present, SHAPE, whole=False):
         mistakes.clear()
     return mistakes, finds, found
+
+
+def _as_likely(model: Evidence, others: Explanation, find: _Find) -> bool:
+    """Whether a log that is explained by others is about as likely as with a mistake undone."""
+    (after,) = model.explained([find.after.undone])
+    lost = find.after.evidence - find.evidence
+    return after.evidence - lost - others.evidence < EVIDENCE
 
 
 def log_faults_by_log(
@@ -391,16 +408,13 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
     plain = [(one, 0.0) for *_, one in likely if not KINDS[one[0]].sizes]
     sized = _sized(first, found, [one for *_, one in likely if KINDS[one[0]].sizes])
     sized = [(_as_heavy(first, found, one), deviation) for one, deviation in sized]
-    finds = _closely(model, found, [*sized, *plain])
-    if not assembled and model.strange(found, model.present):
-        finds += _of_own_gains(model, found)
-    return finds
+    return _closely(model, found, [*sized, *plain])
 
 
 def _of_own_gains(model: Evidence, found: Explanation) -> list[_Find]:
     """Gains of several motors at once, where these explain the forces better."""
-    own = own_gains(model, found)
-    if own is None:
+    own = own_gains(model, found) if model.strange(found, model.present) else None
+    if own is None or (own.gains[model.present] == -1).all():  # that is another kind
         return []
     evidence = own.evidence - log(len(KINDS))
     return [_Find("own gains", own.motors, own.after, evidence, own=own)]

@@ -113,6 +113,7 @@ class _Mistaken(NamedTuple):
     rate: float | None  # of the log in Hz
     alone: bool  # whether the robot has no other motor
     own: OwnGains | None  # sizes of its motors, where each has its own
+    unknown: tuple[str, ...]  # motors whose own sizes do not show
 
     @property
     def listed(self) -> str:
@@ -136,8 +137,9 @@ class _Mistaken(NamedTuple):
         for name, k in zip(self.names, own.motors, strict=True):
             size, reach = own.gains[k], own.reach[k]
             known = f" ± {abs(size) * reach:.2g}" * bool(0 < reach < inf)
-            said.append(f"{name} {size:.3g}{known}{', hardly known' * bool(reach == inf)}")
-        return f"{'; '.join(said)} times as much as expected; "
+            said.append(f"{name} {'about ' * bool(reach == inf)}{size:.3g}{known}")
+        of = f"; that of {first_of(self.unknown, 1)} does not show" * bool(self.unknown)
+        return f"{', '.join(said)} times as much as expected{of}; "
 
     def scale(self, key: str, scales: dict[str, float]) -> str:
         """What to set so that values, now times scales, are divided by the factors."""
@@ -299,6 +301,7 @@ def called(
     for motor, gain in zip(model.names, found.undone.gain, strict=True):
         if gain != 1:
             scales[motor] = scales.get(motor, 1.0) / gain
+    hidden = () if own is None else np.flatnonzero((own.gains == 1) & (own.reach == inf)).tolist()
     return kind.call(
         _Mistaken(
             () if not (kind.motors or kind.alone) else tuple(model.names[k] for k in motors),
@@ -310,5 +313,6 @@ def called(
             None if log is None else log.rate(max(log.parts(), key=lambda p: p.stop - p.start)),
             len(model.names) == 1,
             own,
+            tuple(model.names[k] for k in hidden),
         )
     )

@@ -35,7 +35,9 @@ class OwnGains(NamedTuple):
     """Gains of d motors that explain a log best."""
 
     gains: FloatArray  # (d,), over those that are undone already; 1 where they are right
-    reach: FloatArray  # (d,), half of the 95 % interval, as a part of each; inf where it is not known
+    reach: (
+        FloatArray  # (d,), half of the 95 % interval, as a part of each; inf where it is not known
+    )
     after: Explanation
     evidence: float  # less what is lost by the choice of sizes and motors
     relative: bool  # whether all are known no better than the file's masses
@@ -59,19 +61,23 @@ def own_gains(model: Evidence, found: Explanation) -> OwnGains | None:
     """
     first = model.file_gains(found.undone)
     gains = np.where(np.isin(np.arange(len(first)), model.present) & (first != 0), first, 1.0)
-    best = _Climb(model, found, gains, tuple(model.present), held=True).signed()
+    best = _Climb(model, found, gains, tuple(model.present)).signed()
     if best.after.evidence - found.evidence < EVIDENCE:
         return None
     typical = np.median(np.abs(first / best.gains)[model.present])
     best = best.at(best.gains * np.where(gains == 1, 1.0, typical))
+    signs, count = best.without(*model.present), 0
+    if signs.evidence >= best.evidence:
+        return signs.found
     # Right gains stay; so do those that are not known, but for their signs.
-    for k in model.present:
-        if k in best.right or k in best.unknown:
-            fewer = best.without(k)
-            best = fewer if fewer.evidence >= best.evidence else best
-    for k in best.right:
-        best = best.without(k)
-    return best.found
+    while count != len(best.free):
+        count = len(best.free)
+        for k in model.present:
+            if k in best.usual or k in best.unknown:
+                fewer = best.without(k)
+                best = fewer if fewer.evidence >= best.evidence else best
+    best = best.without(*best.right)
+    return signs.found if signs.evidence > best.evidence - EVIDENCE else best.found
 
 
 class _Climb:
@@ -84,10 +90,11 @@ class _Climb:
         gains: FloatArray,
         free: tuple[int, ...],
         *,
-        held: bool,
+        hidden: tuple[int, ...] = (),
+        held: bool = True,
     ) -> None:
-        self.model, self.before, self.free, self.held = model, before, list(free), held
-        self.gains = gains
+        self.model, self.before, self.free = model, before, list(free)
+        self.gains, self.hidden, self.held = gains, hidden, held
         (self.after,) = self._explained(gains[None])
         for _ in range(STEPS * bool(free)):
             slopes, bends = self._slopes()
@@ -121,7 +128,7 @@ class _Climb:
         """Of the free gains; where they are held, their common factor has no slope."""
         slopes, bends = self.model.gain_slopes(self.after)
         slopes, bends = slopes[self.free], -bends[np.ix_(self.free, self.free)]
-        if self.held:
+        if self.held and self.free:
             known = np.maximum(np.diag(bends), FLAT)
             share = known / known.sum()
             apart = np.eye(len(share)) - share
@@ -136,22 +143,28 @@ class _Climb:
 
     def at(self, gains: FloatArray) -> _Climb:
         """From other gains on."""
-        return _Climb(self.model, self.before, gains, tuple(self.free), held=self.held)
+        return self._with(gains, tuple(self.free), self.hidden, held=self.held)
 
-    def without(self, motor: int) -> _Climb:
-        """With the size of a motor's gain as it is logged; one that is right shows the scale."""
-        gains = np.array(self.gains)
-        gains[motor] = np.sign(gains[motor])
-        free = tuple(k for k in self.free if k != motor)
-        held = self.held and motor not in self.right
-        return _Climb(self.model, self.before, gains, free, held=held)
+    def without(self, *motors: int) -> _Climb:
+        """With the sizes of gains as they are logged; those that are known show the scale."""
+        gains, unknown = np.array(self.gains), self.unknown
+        gains[list(motors)] = np.sign(gains[list(motors)])
+        free = tuple(k for k in self.free if k not in motors)
+        hidden = *self.hidden, *(k for k in motors if k in unknown)
+        held = self.held and set(motors) <= set(unknown)
+        return self._with(gains, free, hidden, held=held)
+
+    def _with(
+        self, gains: FloatArray, free: tuple[int, ...], hidden: tuple[int, ...], *, held: bool
+    ) -> _Climb:
+        return _Climb(self.model, self.before, gains, free, hidden=hidden, held=held)
 
     @property
     def deviations(self) -> FloatArray:
         """Of the logarithms of the free gains; errors may all be alike to what bodies carry."""
         sizes, axes = np.linalg.eigh(self._slopes()[1])
         alike = (self.after.error / np.maximum(self.after.shape, TINY))[self.free]
-        return np.sqrt((axes**2 / np.maximum(sizes, FLAT)).sum(axis=1) + alike**2)
+        return np.asarray(np.sqrt((axes**2 / np.maximum(sizes, FLAT)).sum(axis=1) + alike**2))
 
     @property
     def unknown(self) -> list[int]:
@@ -160,16 +173,21 @@ class _Climb:
         return [k for k, own in zip(self.free, wide.tolist(), strict=True) if own]
 
     @property
+    def usual(self) -> list[int]:
+        """Motors whose gains are free and may be right, but for their signs."""
+        off = np.abs(np.log(np.abs(self.gains[self.free]))) - NORMAL_95 * self.deviations
+        return [k for k, own in zip(self.free, (off <= RIGHT).tolist(), strict=True) if own]
+
+    @property
     def right(self) -> list[int]:
         """Motors whose gains are free, known and right but for their signs."""
-        unknown = self.unknown
         near = np.abs(np.log(np.abs(self.gains))) <= RIGHT
-        return [k for k in self.free if k not in unknown and near[k]]
+        return [k for k in self.free if k not in self.unknown and near[k]]
 
     @property
     def evidence(self) -> float:
         """Less what is lost by the choice of sizes, signs and motors."""
-        sizes = np.linalg.eigvalsh(self._slopes()[1]) if self.free else np.zeros(0)
+        sizes = np.linalg.eigvalsh(self._slopes()[1])
         lost = np.log(POSSIBLE * np.sqrt(np.maximum(sizes, FLAT) / (2 * pi))).sum()
         turned = [k for k in self.model.present if k not in self.free and self.gains[k] < 0]
         count = len(self.free) + len(turned)
@@ -177,9 +195,7 @@ class _Climb:
 
     @property
     def found(self) -> OwnGains:
-        reach, unknown = np.zeros(len(self.gains)), self.unknown
+        reach = np.zeros(len(self.gains))
         reach[self.free] = NORMAL_95 * self.deviations
-        reach[unknown] = inf
+        reach[[*self.hidden, *self.unknown]] = inf
         return OwnGains(self.gains, reach, self.after, self.evidence, self.held)
-
-
