@@ -157,7 +157,7 @@ def log_faults(
         model = Evidence(robot, recordings, parted(joint_terms)[0])
         if not model.present:
             return nothing
-        mistakes, finds, found = _mistakes(model)
+        mistakes, finds, found, _ = _mistakes(model)
     gains = [find.gain(model.names) for find in finds if find.kind == "gain"]
     # Friction alone explains the forces of a motor whose gain may as well be 0.
     some = (one for one in gains if np.prod(one.interval) > 0)
@@ -221,10 +221,22 @@ def _raw_force(run: Recording) -> FloatArray:
     return np.nan_to_num(run.motor_force if run.log is None else run.log.force)
 
 
-def _mistakes(
-    model: Evidence, *, together: bool = True
-) -> tuple[list[Finding], list[_Find], Explanation]:
-    """Mistakes one after the other, all that was looked at then, and the log without them.
+class _Mistakes(NamedTuple):
+    """Mistakes of a log, all that was looked at last, and the log without them."""
+
+    findings: list[Finding]
+    finds: list[_Find]
+    found: Explanation
+    undone: list[_Find]
+
+    @property
+    def evidence(self) -> float:
+        """Less what is lost by all choices."""
+        return self.found.evidence - sum(one.lost for one in self.undone)
+
+
+def _mistakes(model: Evidence, *, together: bool = True) -> _Mistakes:
+    """Mistakes one after the other.
 
     Where one spoils all else, as a robot that was moved by hand, it is alone. Gains of several
     motors ``together`` are one mistake, where these one after the other do not explain as much.
@@ -236,19 +248,20 @@ def _mistakes(
         clear = _clear(model, finds, found, undone)
         # Forces that do not move the robot: what else they say is of no use.
         if not undone and _moved_by_hand(model, found, clear):
-            return [BY_HAND], [], found
+            return _Mistakes([BY_HAND], [], found, [])
         own = bool(clear) and clear[0].own is not None  # as of positions that are wrong
         if own or model.strange(clear[0].after if clear else found, model.present):
             finds += _finds(model, found, assembled=True)
             clear = _clear(model, finds, found, undone)
             turned = None if undone else _turned(model, found, clear)
             if turned is not None:  # all else would be judged with other bodies
-                return [turned], [], found
+                return _Mistakes([turned], [], found, [])
         if not clear or len(undone) == ROUNDS:
             break
         if clear[0].own is not None:
             others = _mistakes(model, together=False)
-            if others[0] and _as_likely(model, others[2], clear[0]):
+            (after,) = model.explained([clear[0].after.undone])
+            if others.findings and others.evidence >= after.evidence - clear[0].lost:
                 return others
             together = False
             found = model.weighed(found.undone)
@@ -258,14 +271,7 @@ def _mistakes(
     # Of forces that follow another motion some look like a mistake.
     if mistakes and not model.explains(found, model.present, SHAPE, whole=False):
         mistakes.clear()
-    return mistakes, finds, found
-
-
-def _as_likely(model: Evidence, others: Explanation, find: _Find) -> bool:
-    """Whether a log that is explained by others is about as likely as with a mistake undone."""
-    (after,) = model.explained([find.after.undone])
-    lost = find.after.evidence - find.evidence
-    return after.evidence - lost - others.evidence < EVIDENCE
+    return _Mistakes(mistakes, finds, found, undone)
 
 
 def log_faults_by_log(
@@ -301,6 +307,7 @@ class _Find(NamedTuple):
     size: float = 1.0
     reach: float = 0.0  # half of the 95 % interval
     own: OwnGains | None = None  # where each motor has a size of its own
+    lost: float = 0.0
 
     def worth(self, found: Explanation) -> bool:
         """Whether a size is known and not as good as none; or errors of all its motors fall."""
@@ -416,8 +423,9 @@ def _of_own_gains(model: Evidence, found: Explanation) -> list[_Find]:
     own = own_gains(model, found) if model.strange(found, model.present) else None
     if own is None or (own.gains[model.present] == -1).all():  # that is another kind
         return []
-    evidence = own.evidence - log(len(KINDS))
-    return [_Find("own gains", own.motors, own.after, evidence, own=own)]
+    lost = own.lost + log(len(KINDS))
+    evidence = own.after.evidence - lost
+    return [_Find("own gains", own.motors, own.after, evidence, own=own, lost=lost)]
 
 
 def _undone(found: Explanation, tried: Sequence[Tried]) -> list[Undone]:
@@ -493,7 +501,7 @@ def _closely(
             if kind.cause(size, reach):
                 lost = min(lost, log(len(kind.causes)))
         evidence = explained.evidence - chosen - lost
-        finds.append(_Find(name, motors, explained, evidence, size, reach))
+        finds.append(_Find(name, motors, explained, evidence, size, reach, lost=chosen + lost))
     return finds
 
 

@@ -39,7 +39,7 @@ class OwnGains(NamedTuple):
         FloatArray  # (d,), half of the 95 % interval, as a part of each; inf where it is not known
     )
     after: Explanation
-    evidence: float  # less what is lost by the choice of sizes and motors
+    lost: float  # of the evidence, by the choice of sizes and motors
     relative: bool  # whether all are known no better than the file's masses
 
     @property
@@ -198,4 +198,5 @@ class _Climb:
         reach = np.zeros(len(self.gains))
         reach[self.free] = NORMAL_95 * self.deviations
         reach[[*self.hidden, *self.unknown]] = inf
-        return OwnGains(self.gains, reach, self.after, self.evidence, self.held)
+        lost = self.after.evidence - self.evidence
+        return OwnGains(self.gains, reach, self.after, lost, self.held)
