@@ -218,8 +218,9 @@ def test_the_fit_of_late_forces_is_that_of_good_ones(case):
     assert (np.abs(fit.values - truth) < 4.5 * fit.standard_errors).all()
     band = FilterOptions(cutoff=found.cutoff.chosen)
     kept = loopid.prepare(model.robot, late.log, filter=band)
-    ((same,),), delay, _ = in_time(model, ((kept,),), undo=False)
-    assert delay is None
+    in_band = in_time(model, ((kept,),), undo=False)
+    assert in_band.delay is None
+    ((same,),) = in_band.groups
     values = quiet_fit(model.samples(same)).values
     worst = np.abs((values - truth) / fit.standard_errors).max()
     assert worst > 6

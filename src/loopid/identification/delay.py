@@ -27,6 +27,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -43,7 +44,7 @@ from loopid.identification.correlation import (
     run_lengths,
     within_runs,
 )
-from loopid.identification.cutoff import CutoffChoice, choose_cutoff
+from loopid.identification.cutoff import CutoffChoice, Sampled, choose_cutoff
 from loopid.identification.estimator import (
     UNKNOWN,
     WorkingFit,
@@ -197,12 +198,25 @@ def find_delay(
     >>> round(found.common, 2)
     0.02
     """
-    logged = [one for one in recordings if one.log is not None]
+    return _delay_of(force_model, _logged(recordings), cutoff)
+
+
+def _logged(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+    return tuple(one for one in recordings if one.log is not None)
+
+
+def _delay_of(
+    force_model: ForceModel,
+    logged: Sequence[Recording],
+    cutoff: float | None,
+    known: Sampled | None = None,
+) -> Delay | None:
+    """As ``find_delay``, of recordings with logs, which may be known at a cut-off."""
     best: Delay | None = None
     tried = list[Delay]()
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
-            found, slips = _found(force_model, at_cutoff(force_model.robot, logged, band))
+            found, slips = _found(force_model, logged, band, known)
             if found is None:
                 if best is not None:
                     break
@@ -252,13 +266,17 @@ def _bands(
     return [widest / 2**k for k in range(count)]
 
 
-def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[Delay | None, bool]:
-    """The delay in the band of recordings, and whether friction may build up.
+def _found(
+    force_model: ForceModel, recordings: Sequence[Recording], band: float, at: Sampled | None
+) -> tuple[Delay | None, bool]:
+    """The delay in a band of recordings, and whether friction may build up.
 
     None of too few samples, or a motion without change.
     """
     try:
-        forces = _Forces(force_model, recordings)
+        if at is None or at.cutoff != band:
+            at = Sampled.of(force_model, recordings, band)
+        forces = _Forces(force_model, at)
         search, robust = _Search(forces), None
         if slips := search.slips():
             robust = _Search(forces, slip=True).result()
@@ -342,23 +360,42 @@ def without_delay(
     return tuple(_moved(robot, one, delay.undone) for one in recordings)
 
 
+class InTime(NamedTuple):
+    """Groups of recordings without the delay of the first one, that delay, and its cut-off."""
+
+    groups: tuple[tuple[Recording, ...], ...]
+    delay: Delay | None = None
+    cutoff: CutoffChoice | None = None
+    first: Sampled | None = None  # the first group at the cut-off, where that was looked at
+
+    def at_cutoff(self, robot: Robot) -> tuple[tuple[Recording, ...], ...]:
+        """The groups at the cut-off, if one was chosen."""
+        if self.cutoff is None:
+            return self.groups
+        known = () if self.first is None else (self.first.recordings,)
+        others = self.groups[len(known) :]
+        return *known, *(at_cutoff(robot, each, self.cutoff.chosen) for each in others)
+
+
 def in_time(
     force_model: ForceModel,
     groups: Sequence[Sequence[Recording]],
     *,
     undo: bool = True,
     n_jobs: int = 1,
-) -> tuple[tuple[tuple[Recording, ...], ...], Delay | None, CutoffChoice | None]:
-    """Groups of recordings without the delay of the first one, that delay, and its cut-off."""
+) -> InTime:
+    """Undo the delay that the first of some groups of recordings shows, and choose its cut-off."""
     kept = tuple(map(tuple, groups))
     choice = choose_cutoff(force_model, kept[0], n_jobs=n_jobs)
     if not undo:
-        return kept, None, choice
-    delay = find_delay(force_model, kept[0], cutoff=choice.chosen if choice else None)
+        return InTime(kept, None, choice)
+    logged, cutoff = _logged(kept[0]), None if choice is None else choice.chosen
+    at = None if cutoff is None else Sampled.of(force_model, logged, cutoff, n_jobs=n_jobs)
+    delay = _delay_of(force_model, logged, cutoff, at)
     if delay is None or not delay.clear:
-        return kept, delay, choice
+        return InTime(kept, delay, choice, at if logged == kept[0] else None)
     moved = tuple(without_delay(force_model, each, delay) for each in kept)
-    return moved, delay, choose_cutoff(force_model, moved[0], n_jobs=n_jobs)
+    return InTime(moved, delay, choose_cutoff(force_model, moved[0], n_jobs=n_jobs))
 
 
 def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
@@ -526,8 +563,8 @@ def _beside_others(
 class _Forces:
     """All recordings: the regressor of their samples, and their forces at any shift."""
 
-    def __init__(self, force_model: ForceModel, recordings: Sequence[Recording]) -> None:
-        robot = force_model.robot
+    def __init__(self, force_model: ForceModel, at: Sampled) -> None:
+        robot, recordings = force_model.robot, at.recordings
         self.runs, self.joints = [_Run(robot, one) for one in recordings], robot.actuated
         self.step = min(step for run in self.runs for step in run.steps)
         longest = min(LONGEST, PART * max(length for run in self.runs for length in run.lengths))
@@ -537,10 +574,9 @@ class _Forces:
         self.driven = ~np.isin(robot.independent, robot.free)
         tried, used = zip(*map(self.at, self.shifts[:, None]), strict=True)
         self.tried = np.stack(tried, axis=2)  # (N, dof, TRIED)
-        drives = (
-            force_model.samples(one).beside("drive", drive_columns(one)) for one in recordings
-        )
-        samples = replace(FitSamples.combined(list(drives)), used=np.all(used, axis=0))
+        pairs = zip(at.samples, recordings, strict=True)
+        drives = [own.beside("drive", drive_columns(one)) for own, one in pairs]
+        samples = replace(FitSamples.combined(drives), used=np.all(used, axis=0))
         require_rows(samples.problem)
         combined = excited_combinations(_beside_others(force_model, samples, recordings), UNKNOWN)
         numbers = np.arange(len(combined)) * BLOCKS // len(combined)

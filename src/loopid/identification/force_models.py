@@ -683,6 +683,18 @@ def samples_of(
     >>> loopid.identification.samples_of(model, [run]).regressor.shape[1:]
     (2, 15)
     """
+    return of_recordings(force_model, recordings, references=references, n_jobs=n_jobs)
+
+
+def of_recordings(
+    force_model: ForceModel,
+    recordings: Sequence[Recording],
+    each: Sequence[FitSamples] = (),
+    *,
+    references: Sequence[JointMotion] = (),
+    n_jobs: int = 1,
+) -> FitSamples:
+    """As ``samples_of``, where the samples of each recording may be known."""
     if not recordings:
         raise DataError("identification needs recordings to fit, and others to validate")
     if references and len(references) != len(recordings):
@@ -691,7 +703,7 @@ def samples_of(
             given=len(references),
             valid=len(recordings),
         )
-    parts = [force_model.samples(recording, n_jobs=n_jobs) for recording in recordings]
+    parts = [*each] or [force_model.samples(one, n_jobs=n_jobs) for one in recordings]
     for k, reference in enumerate(references):
         instruments = reference_instruments(force_model, recordings[k], reference, n_jobs=n_jobs)
         parts[k] = parts[k].with_instruments(instruments)
