@@ -24,7 +24,7 @@ from loopid.motion.joints import JointMotion
 from loopid.numbers import FIT_ROUND_OFF
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.progress import Progress
-from loopid.records import record
+from loopid.records import read_only, record
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
 from loopid.regressors.joint_terms import (
     JointTerms,
@@ -175,7 +175,7 @@ class ForceModel:
         terms, _ = parted(self.joint_terms)
         return replace(self, joint_terms=terms, base=narrow, bodies=None, drives=None)
 
-    @property
+    @cached_property
     def load_columns(self) -> tuple[IntArray, IntArray]:
         """Rows of the motors with load friction, and its columns."""
         return load_places(self.parameters, self.robot.independent)
@@ -239,11 +239,11 @@ class ForceModel:
         labels = self.parameters.labels
         return np.array([labels.index(label) for label in parameters.labels], dtype=np.int64)
 
-    @property
+    @cached_property
     def standard_prior(self) -> FloatArray:
         """Standard parameters (p,) of the robot file, zero for joint terms unknown to it."""
         bodies = self.robot.standard_parameters(self.model)
-        return np.concatenate([bodies, np.nan_to_num(self.joint_values)])
+        return read_only(np.concatenate([bodies, np.nan_to_num(self.joint_values)]))
 
     @cached_property
     def joint_values(self) -> FloatArray:
