@@ -62,7 +62,7 @@ from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.motion.filtering import LowPass
 from loopid.numbers import NORMAL_95
 from loopid.parameters import KINDS
-from loopid.records import record
+from loopid.records import derived, read_only, record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
@@ -515,13 +515,14 @@ class _Run:
         return force, known & self.recording.used
 
 
+@derived
 def directions(recording: Recording) -> FloatArray:
     """Signs of the velocities (N, dof), filtered as friction in the forces is."""
     history, sign = recording.history, np.sign(recording.motion.velocities)
     for j, name in enumerate(recording.actuators):
         if history is not None and name in history.joints:
             sign[:, j] = history.lowpassed(history.directions(name))
-    return np.asarray(sign, dtype=np.float64)
+    return read_only(sign)
 
 
 def drive_columns(recording: Recording) -> FloatArray:

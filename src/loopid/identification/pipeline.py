@@ -327,10 +327,11 @@ def _judged(
     judged = _candidates(fits, data, new, left)
     if CONSISTENT in judged:
         best = fits.fits[ROBOT_FILE if judged[CONSISTENT].loses_to_baseline else CONSISTENT]
-        force_model = force_model.with_loads(best.values, best.standard_parameters)
-        data = force_model.widened(data, runs.training)
-        new = data if runs.left_out else force_model.widened(new, runs.judging)
-        judged = _candidates(fits, data, new, left)
+        carrying = force_model.with_loads(best.values, best.standard_parameters)
+        if carrying is not force_model:
+            force_model, data = carrying, carrying.widened(data, runs.training)
+            new = data if runs.left_out else carrying.widened(new, runs.judging)
+            judged = _candidates(fits, data, new, left)
     dead = nothing_follows(judged[ALL].fit)
     judged = {name: _with_model(each, force_model, data, dead) for name, each in judged.items()}
     return force_model, data, new, judged
