@@ -280,6 +280,30 @@ def test_motors_that_agree_share_a_delay_and_one_that_does_not_has_its_own(case)
     assert not found.undone[1:].any()
 
 
+LOGS = {"none": (0.005,) * 3, "one": (0.005, 0.035, 0.005), "two": (0.005, -0.03)}
+
+
+@pytest.mark.parametrize("delays", LOGS.values(), ids=LOGS)
+def test_a_log_with_another_delay_than_the_others_is_named_and_made_like_them(case, delays):
+    model, _, log = case
+    logs = [replace(noisy(log, late, k), name=f"log {k}") for k, late in enumerate(delays)]
+    groups = [prepared(model, each) for each in logs], [prepared(model, log)]
+    (training, judging), found, *_ = in_time(model, groups)
+    usual = min(delays, key=abs)
+    late = {each.name: d - usual for each, d in zip(logs, delays, strict=True) if d != usual}
+    assert list(found.of_logs) == list(late)
+    assert list(found.of_logs.values()) == pytest.approx(list(late.values()), abs=0.002)
+    assert found.common == pytest.approx(usual, abs=0.002)
+    said = [each for each in found.findings if "of other logs" in each.title]
+    assert len(said) == bool(late)
+    assert all(name in each.title and "undone" in each.title for name in late for each in said)
+    # All forces are then as late as those without delay, and those of other groups as the usual.
+    for run in training:
+        left = find_delay(model, [run], cutoff=BAND)
+        assert abs(left.common) < 0.002
+    assert find_delay(model, judging, cutoff=BAND).common == pytest.approx(-usual, abs=0.002)
+
+
 def test_motors_that_all_differ_have_each_its_own_delay(load_once):
     robot, late = load_once("3rrr"), np.array([0.002, 0.006, 0.01])
     terms = JointTerms(robot.actuated, ("Fc", "Fv"))

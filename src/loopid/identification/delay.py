@@ -19,13 +19,16 @@ Most informative of a delay is where friction changes sides, in a wide band, whe
 noise of positions, too. The widest band that is looked at is that around which estimates change
 least (``cutoff.py``). Narrower ones follow. One is taken where delays of the motors are better
 known, and agree.
+
+Before that each of several logs has a delay of its own, of all its motors. One that is clearly far
+from those of the others is undone in its log.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -116,6 +119,8 @@ class Delay(WithFindings):
     left : FloatArray
         Standard deviation in s of what is left in the log: (1,) of all motors together, or (m,) of
         each.
+    of_logs : dict of str to float
+        How much later in s than those of the other logs the forces of a log are, which is undone.
 
     Examples
     --------
@@ -135,6 +140,7 @@ class Delay(WithFindings):
     step: float
     undone: FloatArray
     left: FloatArray
+    of_logs: dict[str, float] = field(default_factory=dict)
 
     @property
     def clear(self) -> bool:
@@ -144,6 +150,8 @@ class Delay(WithFindings):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is clear, with its intervals; none where nothing is."""
+        if self.of_logs:
+            return (self._of_logs(), *replace(self, of_logs={}).findings)
         if not self.clear:
             return ()
         numbers = zip(self.joints, self.each, self.intervals, self.undone, strict=True)
@@ -155,6 +163,16 @@ class Delay(WithFindings):
             "undone (undo_delay=False would keep them; 'delay' in a mapping undoes a known one)"
         )
         return (Finding("warning", "forces were late or early, which is undone", why),)
+
+    def _of_logs(self) -> Finding:
+        """Of logs whose delay is not that of the others."""
+        said = (
+            f"{name} are {1e3 * abs(late):.3g} ms {'later' if late > 0 else 'earlier'}"
+            for name, late in self.of_logs.items()
+        )
+        title = f"the delay of forces of {', '.join(self.of_logs)} differs from that of other logs"
+        why = f"forces of {', those of '.join(said)} beside their positions than in the others"
+        return Finding("warning", f"{title}, which is undone", why)
 
 
 def _late(whose: str, delay: float, interval: FloatArray | tuple[float, float]) -> str:
@@ -209,14 +227,14 @@ def _delay_of(
     force_model: ForceModel,
     logged: Sequence[Recording],
     cutoff: float | None,
-    known: Sampled | None = None,
+    sampled: Sampled | None = None,
 ) -> Delay | None:
     """As ``find_delay``, of recordings with logs, which may be known at a cut-off."""
     best: Delay | None = None
     tried = list[Delay]()
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
-            found, slips = _found(force_model, logged, band, known)
+            found, slips = _found(force_model, logged, band, sampled)
             if found is None:
                 if best is not None:
                     break
@@ -250,6 +268,15 @@ def _over_bands(best: Delay, tried: Sequence[Delay]) -> Delay:
     return replace(found, left=np.array([error])) if clear else _kept(found)
 
 
+def _in_band(
+    force_model: ForceModel, logged: Sequence[Recording], band: float, sampled: Sampled | None
+) -> Sampled:
+    """Recordings in a band, unless they are known in it."""
+    if sampled is not None and sampled.cutoff == band:
+        return sampled
+    return Sampled.of(force_model, logged, band)
+
+
 def _bands(
     force_model: ForceModel, recordings: Sequence[Recording], widest: float | None
 ) -> list[float]:
@@ -267,16 +294,14 @@ def _bands(
 
 
 def _found(
-    force_model: ForceModel, recordings: Sequence[Recording], band: float, at: Sampled | None
+    force_model: ForceModel, recordings: Sequence[Recording], band: float, sampled: Sampled | None
 ) -> tuple[Delay | None, bool]:
     """The delay in a band of recordings, and whether friction may build up.
 
     None of too few samples, or a motion without change.
     """
     try:
-        if at is None or at.cutoff != band:
-            at = Sampled.of(force_model, recordings, band)
-        forces = _Forces(force_model, at)
+        forces = _Forces(force_model, _in_band(force_model, recordings, band, sampled))
         search, robust = _Search(forces), None
         if slips := search.slips():
             robust = _Search(forces, slip=True).result()
@@ -389,13 +414,60 @@ def in_time(
     choice = choose_cutoff(force_model, kept[0], n_jobs=n_jobs)
     if not undo:
         return InTime(kept, None, choice)
-    logged, cutoff = _logged(kept[0]), None if choice is None else choice.chosen
-    at = None if cutoff is None else Sampled.of(force_model, logged, cutoff, n_jobs=n_jobs)
-    delay = _delay_of(force_model, logged, cutoff, at)
+    logged, at = _logged(kept[0]), None
+    if choice is not None:
+        at = Sampled.of(force_model, logged, choice.chosen, n_jobs=n_jobs)
+    of_logs = _delays_of_logs(force_model, logged, at)
+    if of_logs:
+        robot = force_model.robot
+        kept = tuple(tuple(_alike(robot, one, of_logs) for one in each) for each in kept)
+        choice = choose_cutoff(force_model, kept[0], n_jobs=n_jobs)
+        logged, at = _logged(kept[0]), None
+    delay = _delay_of(force_model, logged, None if choice is None else choice.chosen, at)
+    if delay is not None:
+        delay = replace(delay, of_logs=of_logs)
     if delay is None or not delay.clear:
         return InTime(kept, delay, choice, at if logged == kept[0] else None)
     moved = tuple(without_delay(force_model, each, delay) for each in kept)
     return InTime(moved, delay, choose_cutoff(force_model, moved[0], n_jobs=n_jobs))
+
+
+def _delays_of_logs(
+    force_model: ForceModel, logged: Sequence[Recording], sampled: Sampled | None
+) -> dict[str, float]:
+    """How much later than those of the others the forces of a log are, of each that clearly is.
+
+    The others are as the one in the middle, of two that with the smaller delay.
+    """
+    names = [*dict.fromkeys(one.name for one in logged)]
+    if len(names) < 2:
+        return {}
+    try:
+        band = _bands(force_model, logged, None if sampled is None else sampled.cutoff)[0]
+        both = _in_band(force_model, logged, band, sampled)
+        search = _Search(_Forces(force_model, both, of_logs=True), slip=True)
+        _, _, delays, settled = search.delays
+        errors = np.where(settled, search.errors(delays)[0], np.inf)
+    except (DataError, RankError):
+        return {}
+    known = np.flatnonzero(np.isfinite(errors))
+    known = known[np.argsort(delays[known])]
+    middle = known[(len(known) - 1) // 2 : len(known) // 2 + 1]
+    if not len(middle):
+        return {}
+    usual = middle[np.argmin(np.abs(delays[middle]))]
+    late = delays - delays[usual]
+    halves = NORMAL_95 * np.hypot(errors, errors[usual])
+    clear = np.abs(late) > np.maximum(ALONE * halves, LEAST * search.forces.step)
+    return {names[k]: float(late[k]) for k in np.flatnonzero(clear) if k != usual}
+
+
+def _alike(robot: Robot, recording: Recording, of_logs: Mapping[str, float]) -> Recording:
+    """A recording whose forces are as late as those of the other logs."""
+    late = of_logs.get(recording.name)
+    if late is None:
+        return recording
+    return _moved(robot, recording, np.full(len(robot.actuated), late))
 
 
 def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
@@ -562,16 +634,23 @@ def _beside_others(
 
 
 class _Forces:
-    """All recordings: the regressor of their samples, and their forces at any shift."""
+    """All recordings: the regressor of their samples, and their forces at any shift.
 
-    def __init__(self, force_model: ForceModel, at: Sampled) -> None:
+    Shifts are of all forces, of each motor, or of each log.
+    """
+
+    def __init__(self, force_model: ForceModel, at: Sampled, *, of_logs: bool = False) -> None:
         robot, recordings = force_model.robot, at.recordings
+        names = [*dict.fromkeys(one.name for one in recordings)]
+        self.log_of = [names.index(one.name) for one in recordings] if of_logs else None
         self.runs, self.joints = [_Run(robot, one) for one in recordings], robot.actuated
         self.step = min(step for run in self.runs for step in run.steps)
         longest = min(LONGEST, PART * max(length for run in self.runs for length in run.lengths))
         self.shifts = np.linspace(-longest, longest, TRIED)
         # Motors that act on all coordinates together are not separated.
         self.count = 1 if robot.redundant else len(robot.actuated)
+        if of_logs:
+            self.count = len(names)
         self.driven = ~np.isin(robot.independent, robot.free)
         tried, used = zip(*map(self.at, self.shifts[:, None]), strict=True)
         self.tried = np.stack(tried, axis=2)  # (N, dof, TRIED)
@@ -586,14 +665,21 @@ class _Forces:
 
     def at(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Forces (N, dof) of times that are shifts (count,) later, and which can be used."""
-        each = np.broadcast_to(shifts, len(self.joints))
-        force, used = zip(*(run.force(each) for run in self.runs), strict=True)
+        of_runs = np.broadcast_to(shifts, (len(self.runs), len(shifts)))
+        if self.log_of is not None and len(shifts) > 1:
+            of_runs = shifts[self.log_of, None]
+        of_runs = np.broadcast_to(of_runs, (len(self.runs), len(self.joints)))
+        pairs = zip(self.runs, of_runs, strict=True)
+        force, used = zip(*(run.force(own) for run, own in pairs), strict=True)
         return np.concatenate(force), np.concatenate(used)
 
     def slopes(self, force: FloatArray, count: int) -> FloatArray:
-        """What a delay of all motors, or of each, does to forces (N, dof): (N, dof, count)."""
+        """What a delay of all, each motor or each log does to forces (N, dof): (N, dof, count)."""
         rates = _rates(self.samples, force, [run.time for run in self.runs])
         acting = self.driven[:, None] * (1.0 if count == 1 else np.eye(rates.shape[1], count))
+        if self.log_of is not None and count > 1:
+            log_of = np.repeat(self.log_of, [len(run.time) for run in self.runs])
+            acting = self.driven[:, None] * np.eye(count)[log_of][:, None]
         return np.asarray(-rates[:, :, None] * acting)
 
 

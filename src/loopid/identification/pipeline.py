@@ -46,7 +46,7 @@ from loopid.identification.information import (
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut
 from loopid.identification.log_mistakes import LogFaults, log_faults_by_log
-from loopid.identification.missing import MissingForce, missing_forces, with_missing
+from loopid.identification.missing import MissingForce, missing_forces, with_missing, with_offsets
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
 from loopid.identification.outcome import ALL, ROBOT_FILE
@@ -54,7 +54,7 @@ from loopid.identification.plausibility import NOTHING_FOLLOWS, absurdities, not
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import NoiseModel, fit_quality
 from loopid.identification.result import Fit, of_all
-from loopid.identification.terms import choose_terms
+from loopid.identification.terms import choose_terms, without_offset
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet
@@ -308,7 +308,9 @@ def _fitted(
     start = fit_joint_terms(force_model, data, noise=least)
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
-        fits[CONSISTENT] = with_missing(with_assumed(solid.result, excited), missing)
+        offsets = () if first is not None else without_offset(force_model, data)
+        allowing = with_missing(with_offsets(solid, offsets), missing)
+        fits[CONSISTENT] = with_assumed(allowing, excited)
     own_data = data if solid is None else solid.samples
     refits = _refits(
         force_model, fits, excited, own_data, first=first, known=known, options=options
