@@ -107,10 +107,10 @@ class FitProblem:
         """Rows less parameters."""
         return self.rows - len(self.parameters)
 
-    @property
+    @cached_property
     def force_rms(self) -> FloatArray:
         """Root mean squares (dof,) of the forces; 0 without samples."""
-        return np.asarray(np.sqrt(self.force_squares() / np.maximum(self.samples, 1)))
+        return _own(np.sqrt(self.force_squares() / np.maximum(self.samples, 1)))
 
     @property
     def force_weights(self) -> FloatArray:
