@@ -177,6 +177,16 @@ def test_it_says_which_speeds_and_accelerations_were_seen(identified):
     assert standing.verdict.reached == said([0])
 
 
+def test_errors_that_are_those_of_the_file_are_neither_smaller_nor_larger(identified):
+    """As of one motor in line, whose body and rotor are one: the rest is round-off."""
+    verdict = identified().verdict
+    same = "Over all motors they are as large as with the given bodies."
+    assert same not in str(verdict)
+    assert "smaller than with the given bodies" in str(verdict)
+    for ratio in (1 + 1e-14, 1 - 1e-14, 1.005):
+        assert same in str(replace(verdict, ratio=(ratio, 1e-14)))
+
+
 def test_a_motor_that_never_moves_is_named_first(identified):
     found = identified()
     used = found.data.used.copy()

@@ -163,6 +163,8 @@ class Verdict:
             return ""
         root = np.sqrt(ratio)
         size = 100 * abs(1 - root)
+        if size < 0.5:  # 0 % is neither smaller nor larger
+            return " Over all motors they are as large as with the given bodies."
         spread = f" ± {number(50 * error / root, 1)}" if np.isfinite(error) else ""
         change = "smaller" if ratio < 1 else "larger"
         return (
