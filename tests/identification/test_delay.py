@@ -218,8 +218,9 @@ def test_the_fit_of_late_forces_is_that_of_good_ones(case):
     assert (np.abs(fit.values - truth) < 4.5 * fit.standard_errors).all()
     band = FilterOptions(cutoff=found.cutoff.chosen)
     kept = loopid.prepare(model.robot, late.log, filter=band)
-    ((same,),), delay, _ = in_time(model, ((kept,),), undo=False)
-    assert delay is None
+    in_band = in_time(model, ((kept,),), undo=False)
+    assert in_band.delay is None
+    ((same,),) = in_band.groups
     values = quiet_fit(model.samples(same)).values
     worst = np.abs((values - truth) / fit.standard_errors).max()
     assert worst > 6
@@ -287,7 +288,7 @@ def test_a_log_with_another_delay_than_the_others_is_named_and_made_like_them(ca
     model, _, log = case
     logs = [replace(noisy(log, late, k), name=f"log {k}") for k, late in enumerate(delays)]
     groups = [prepared(model, each) for each in logs], [prepared(model, log)]
-    (training, judging), found, _ = in_time(model, groups)
+    (training, judging), found, *_ = in_time(model, groups)
     usual = min(delays, key=abs)
     late = {each.name: d - usual for each, d in zip(logs, delays, strict=True) if d != usual}
     assert list(found.of_logs) == list(late)

@@ -22,6 +22,7 @@ from loopid.logs.preparing import (
     assemble_samples,
     clipped_from,
     filter_log,
+    idle_samples,
     kept_rows,
     long_enough,
     near_saturation,
@@ -532,7 +533,8 @@ def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):
     np.testing.assert_array_equal(rows, recording.history.rows)
     assert ends[0] in recording.dropped
     stuck = sticking(whole, signals.velocity)
-    idle = standing(knee, whole, signals.velocity, rows, lowpass, stuck)
+    slow = idle_samples(knee, whole, signals.velocity, rows)
+    idle = standing(knee, whole, slow, rows, lowpass, stuck)
     limits = saturation_of(knee, whole)
     clipped = near_saturation(whole, limits, lowpass)[rows]
     np.testing.assert_array_equal(recording.used, ~(idle | clipped))

@@ -30,6 +30,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -46,7 +47,7 @@ from loopid.identification.correlation import (
     run_lengths,
     within_runs,
 )
-from loopid.identification.cutoff import CutoffChoice, choose_cutoff
+from loopid.identification.cutoff import CutoffChoice, Sampled, choose_cutoff
 from loopid.identification.estimator import (
     UNKNOWN,
     WorkingFit,
@@ -64,7 +65,7 @@ from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.motion.filtering import LowPass
 from loopid.numbers import NORMAL_95
 from loopid.parameters import KINDS
-from loopid.records import record
+from loopid.records import derived, read_only, record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
@@ -215,12 +216,25 @@ def find_delay(
     >>> round(found.common, 2)
     0.02
     """
-    logged = [one for one in recordings if one.log is not None]
+    return _delay_of(force_model, _logged(recordings), cutoff)
+
+
+def _logged(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+    return tuple(one for one in recordings if one.log is not None)
+
+
+def _delay_of(
+    force_model: ForceModel,
+    logged: Sequence[Recording],
+    cutoff: float | None,
+    sampled: Sampled | None = None,
+) -> Delay | None:
+    """As ``find_delay``, of recordings with logs, which may be known at a cut-off."""
     best: Delay | None = None
     tried = list[Delay]()
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
-            found, slips = _found(force_model, at_cutoff(force_model.robot, logged, band))
+            found, slips = _found(force_model, logged, band, sampled)
             if found is None:
                 if best is not None:
                     break
@@ -254,6 +268,15 @@ def _over_bands(best: Delay, tried: Sequence[Delay]) -> Delay:
     return replace(found, left=np.array([error])) if clear else _kept(found)
 
 
+def _in_band(
+    force_model: ForceModel, logged: Sequence[Recording], band: float, sampled: Sampled | None
+) -> Sampled:
+    """Recordings in a band, unless they are known in it."""
+    if sampled is not None and sampled.cutoff == band:
+        return sampled
+    return Sampled.of(force_model, logged, band)
+
+
 def _bands(
     force_model: ForceModel, recordings: Sequence[Recording], widest: float | None
 ) -> list[float]:
@@ -270,13 +293,15 @@ def _bands(
     return [widest / 2**k for k in range(count)]
 
 
-def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[Delay | None, bool]:
-    """The delay in the band of recordings, and whether friction may build up.
+def _found(
+    force_model: ForceModel, recordings: Sequence[Recording], band: float, sampled: Sampled | None
+) -> tuple[Delay | None, bool]:
+    """The delay in a band of recordings, and whether friction may build up.
 
     None of too few samples, or a motion without change.
     """
     try:
-        forces = _Forces(force_model, recordings)
+        forces = _Forces(force_model, _in_band(force_model, recordings, band, sampled))
         search, robust = _Search(forces), None
         if slips := search.slips():
             robust = _Search(forces, slip=True).result()
@@ -360,48 +385,67 @@ def without_delay(
     return tuple(_moved(robot, one, delay.undone) for one in recordings)
 
 
+class InTime(NamedTuple):
+    """Groups of recordings without the delay of the first one, that delay, and its cut-off."""
+
+    groups: tuple[tuple[Recording, ...], ...]
+    delay: Delay | None = None
+    cutoff: CutoffChoice | None = None
+    first: Sampled | None = None  # the first group at the cut-off, where that was looked at
+
+    def at_cutoff(self, robot: Robot) -> tuple[tuple[Recording, ...], ...]:
+        """The groups at the cut-off, if one was chosen."""
+        if self.cutoff is None:
+            return self.groups
+        known = () if self.first is None else (self.first.recordings,)
+        others = self.groups[len(known) :]
+        return *known, *(at_cutoff(robot, each, self.cutoff.chosen) for each in others)
+
+
 def in_time(
     force_model: ForceModel,
     groups: Sequence[Sequence[Recording]],
     *,
     undo: bool = True,
     n_jobs: int = 1,
-) -> tuple[tuple[tuple[Recording, ...], ...], Delay | None, CutoffChoice | None]:
-    """Groups of recordings without the delay of the first one, that delay, and its cut-off."""
+) -> InTime:
+    """Undo the delay that the first of some groups of recordings shows, and choose its cut-off."""
     kept = tuple(map(tuple, groups))
     choice = choose_cutoff(force_model, kept[0], n_jobs=n_jobs)
     if not undo:
-        return kept, None, choice
-    of_logs = _delays_of_logs(force_model, kept[0], choice)
+        return InTime(kept, None, choice)
+    logged, at = _logged(kept[0]), None
+    if choice is not None:
+        at = Sampled.of(force_model, logged, choice.chosen, n_jobs=n_jobs)
+    of_logs = _delays_of_logs(force_model, logged, at)
     if of_logs:
-        kept = tuple(
-            tuple(_alike(force_model.robot, one, of_logs) for one in each) for each in kept
-        )
+        robot = force_model.robot
+        kept = tuple(tuple(_alike(robot, one, of_logs) for one in each) for each in kept)
         choice = choose_cutoff(force_model, kept[0], n_jobs=n_jobs)
-    delay = find_delay(force_model, kept[0], cutoff=choice.chosen if choice else None)
+        logged, at = _logged(kept[0]), None
+    delay = _delay_of(force_model, logged, None if choice is None else choice.chosen, at)
     if delay is not None:
         delay = replace(delay, of_logs=of_logs)
     if delay is None or not delay.clear:
-        return kept, delay, choice
+        return InTime(kept, delay, choice, at if logged == kept[0] else None)
     moved = tuple(without_delay(force_model, each, delay) for each in kept)
-    return moved, delay, choose_cutoff(force_model, moved[0], n_jobs=n_jobs)
+    return InTime(moved, delay, choose_cutoff(force_model, moved[0], n_jobs=n_jobs))
 
 
 def _delays_of_logs(
-    force_model: ForceModel, recordings: Sequence[Recording], choice: CutoffChoice | None
+    force_model: ForceModel, logged: Sequence[Recording], sampled: Sampled | None
 ) -> dict[str, float]:
     """How much later than those of the others the forces of a log are, of each that clearly is.
 
     The others are as the one in the middle, of two that with the smaller delay.
     """
-    logged = [one for one in recordings if one.log is not None]
     names = [*dict.fromkeys(one.name for one in logged)]
     if len(names) < 2:
         return {}
     try:
-        band = _bands(force_model, logged, choice.chosen if choice else None)[0]
-        alike = at_cutoff(force_model.robot, logged, band)
-        search = _Search(_Forces(force_model, alike, of_logs=True), slip=True)
+        band = _bands(force_model, logged, None if sampled is None else sampled.cutoff)[0]
+        both = _in_band(force_model, logged, band, sampled)
+        search = _Search(_Forces(force_model, both, of_logs=True), slip=True)
         _, _, delays, settled = search.delays
         errors = np.where(settled, search.errors(delays)[0], np.inf)
     except (DataError, RankError):
@@ -543,13 +587,14 @@ class _Run:
         return force, known & self.recording.used
 
 
+@derived
 def directions(recording: Recording) -> FloatArray:
     """Signs of the velocities (N, dof), filtered as friction in the forces is."""
     history, sign = recording.history, np.sign(recording.motion.velocities)
     for j, name in enumerate(recording.actuators):
         if history is not None and name in history.joints:
             sign[:, j] = history.lowpassed(history.directions(name))
-    return np.asarray(sign, dtype=np.float64)
+    return read_only(sign)
 
 
 def drive_columns(recording: Recording) -> FloatArray:
@@ -594,10 +639,8 @@ class _Forces:
     Shifts are of all forces, of each motor, or of each log.
     """
 
-    def __init__(
-        self, force_model: ForceModel, recordings: Sequence[Recording], *, of_logs: bool = False
-    ) -> None:
-        robot = force_model.robot
+    def __init__(self, force_model: ForceModel, at: Sampled, *, of_logs: bool = False) -> None:
+        robot, recordings = force_model.robot, at.recordings
         names = [*dict.fromkeys(one.name for one in recordings)]
         self.log_of = [names.index(one.name) for one in recordings] if of_logs else None
         self.runs, self.joints = [_Run(robot, one) for one in recordings], robot.actuated
@@ -611,10 +654,9 @@ class _Forces:
         self.driven = ~np.isin(robot.independent, robot.free)
         tried, used = zip(*map(self.at, self.shifts[:, None]), strict=True)
         self.tried = np.stack(tried, axis=2)  # (N, dof, TRIED)
-        drives = (
-            force_model.samples(one).beside("drive", drive_columns(one)) for one in recordings
-        )
-        samples = replace(FitSamples.combined(list(drives)), used=np.all(used, axis=0))
+        pairs = zip(at.samples, recordings, strict=True)
+        drives = [own.beside("drive", drive_columns(one)) for own, one in pairs]
+        samples = replace(FitSamples.combined(drives), used=np.all(used, axis=0))
         require_rows(samples.problem)
         combined = excited_combinations(_beside_others(force_model, samples, recordings), UNKNOWN)
         numbers = np.arange(len(combined)) * BLOCKS // len(combined)

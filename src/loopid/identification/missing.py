@@ -311,11 +311,9 @@ def _length_or_zero(
     every = slice(None, None, step)
     own = [np.flatnonzero(samples.runs == k)[every] for k in range(len(recordings))]
     rows = np.concatenate(own)
-    of_samples = "regressor", "force", "used", "segments", "runs", "regions"
-    chosen = {name: getattr(samples, name)[rows] for name in of_samples}
-    chosen["used"] = chosen["used"] & ~_slow(fit, recordings)[rows]
+    chosen = samples.at(rows, ~_slow(fit, recordings)[rows])
     # They count as much as all, beside the prior.
-    fit = _refitted(fit, replace(samples, **chosen, instruments=None), fit.prior, np.sqrt(step))
+    fit = _refitted(fit, chosen, fit.prior, np.sqrt(step))
     runs = [run.select(every) for run in recordings]
     test = _Test(fit, len(force_model.parameters))
     lengths = length_forces(force_model, standard, runs)
@@ -473,7 +471,7 @@ class _Test:
 
         pieces, n, k = self.fit.samples.pieces, len(self.inverse), columns.shape[2]
         own = np.flatnonzero(columns.any(axis=(0, 2)))
-        c = columns[:, own] * self.scale[:, own, None]
+        c = self.fit.samples.remaining(columns)[:, own] * self.scale[:, own, None]
         turned = np.einsum("nij,nik->jk", self.columns[:, own], c, optimize=True)
         squares = np.einsum("nij,nik->jk", c, c, optimize=True)
         G, sizes = squares - turned.T @ turned, np.sqrt(np.diag(squares))
