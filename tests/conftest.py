@@ -93,7 +93,7 @@ def taken_as_prepared():
     """Nor is a band sought: what is prepared is fitted."""
 
     def in_time(_model, groups, **_):
-        return tuple(map(tuple, groups)), None, None
+        return delay.InTime(tuple(map(tuple, groups)))
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(import_module("loopid.identification.pipeline"), "in_time", in_time)

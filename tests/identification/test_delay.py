@@ -218,8 +218,9 @@ def test_the_fit_of_late_forces_is_that_of_good_ones(case):
     assert (np.abs(fit.values - truth) < 4.5 * fit.standard_errors).all()
     band = FilterOptions(cutoff=found.cutoff.chosen)
     kept = loopid.prepare(model.robot, late.log, filter=band)
-    ((same,),), delay, _ = in_time(model, ((kept,),), undo=False)
-    assert delay is None
+    in_band = in_time(model, ((kept,),), undo=False)
+    assert in_band.delay is None
+    ((same,),) = in_band.groups
     values = quiet_fit(model.samples(same)).values
     worst = np.abs((values - truth) / fit.standard_errors).max()
     assert worst > 6
@@ -277,6 +278,30 @@ def test_motors_that_agree_share_a_delay_and_one_that_does_not_has_its_own(case)
     found = find_delay(model, [late], cutoff=BAND)
     assert found.undone[0] == found.each[0] == pytest.approx(0.01, abs=0.001)
     assert not found.undone[1:].any()
+
+
+LOGS = {"none": (0.005,) * 3, "one": (0.005, 0.035, 0.005), "two": (0.005, -0.03)}
+
+
+@pytest.mark.parametrize("delays", LOGS.values(), ids=LOGS)
+def test_a_log_with_another_delay_than_the_others_is_named_and_made_like_them(case, delays):
+    model, _, log = case
+    logs = [replace(noisy(log, late, k), name=f"log {k}") for k, late in enumerate(delays)]
+    groups = [prepared(model, each) for each in logs], [prepared(model, log)]
+    (training, judging), found, *_ = in_time(model, groups)
+    usual = min(delays, key=abs)
+    late = {each.name: d - usual for each, d in zip(logs, delays, strict=True) if d != usual}
+    assert list(found.of_logs) == list(late)
+    assert list(found.of_logs.values()) == pytest.approx(list(late.values()), abs=0.002)
+    assert found.common == pytest.approx(usual, abs=0.002)
+    said = [each for each in found.findings if "of other logs" in each.title]
+    assert len(said) == bool(late)
+    assert all(name in each.title and "undone" in each.title for name in late for each in said)
+    # All forces are then as late as those without delay, and those of other groups as the usual.
+    for run in training:
+        left = find_delay(model, [run], cutoff=BAND)
+        assert abs(left.common) < 0.002
+    assert find_delay(model, judging, cutoff=BAND).common == pytest.approx(-usual, abs=0.002)
 
 
 def test_motors_that_all_differ_have_each_its_own_delay(load_once):

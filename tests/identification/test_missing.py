@@ -1,10 +1,12 @@
 """Forces that a model lacks: which, how large, and what they would save; none where none is."""
 
 from dataclasses import replace
+from itertools import permutations
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.special import chdtrc, chdtri
 
 import loopid
 from bank_robots import few_of
@@ -12,7 +14,7 @@ from loopid import JointTerms
 from loopid.identification import Delay
 from loopid.identification.fitting import working_fit
 from loopid.identification.lengths import Place, length_forces
-from loopid.identification.missing import _slow, missing_forces
+from loopid.identification.missing import _Search, _slow, missing_forces
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
 from loopid.logs import Recording
@@ -261,6 +263,24 @@ def test_a_zero_that_is_off_is_named_and_what_to_set(robot, model, zero):
     assert said.do == found.verdict.improvement
     assert f"{{{LEFT}: {-one.number:.3g}}}" in said.do
     assert "as parameters" not in str(found.verdict)
+
+
+@pytest.mark.parametrize("times", [0.5, 1.0, 4.0])
+def test_a_coupling_is_as_clear_as_it_stands_out_from_those_of_other_motors(times):
+    """Where all look this many times larger than by chance, so does one that is none."""
+    motors, degrees = ("a", "b", "c", "d"), 3
+    usual = float(chdtrc(degrees, times * chdtri(degrees, 0.5)))
+    couplings = {
+        pair: usual if set(pair) == {"c", "d"} else 0.0 for pair in permutations(motors, 2)
+    }
+    search = SimpleNamespace(motors=motors, couplings=couplings)
+    chance = _Search._beside_others(search, "a", "b", float(chdtrc(degrees, times * 20.0)))
+    assert chdtri(degrees, chance) == pytest.approx(20.0 * min(times, 1.0))
+
+
+def test_two_motors_have_no_others_that_a_coupling_is_measured_by():
+    search = SimpleNamespace(motors=("a", "b"), couplings={("a", "b"): 1e-9, ("b", "a"): 1e-9})
+    assert _Search._beside_others(search, "a", "b", 1e-9) == 1e-9
 
 
 @pytest.mark.parametrize("seed", few_of(range(3), 0))

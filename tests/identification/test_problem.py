@@ -83,6 +83,28 @@ def test_least_squares_apart_from_columns_are_those_beside_them():
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
+@pytest.mark.parametrize("every", [1, 2])
+def test_columns_beside_samples_that_are_set_apart_are_beside_all(every):
+    """Of some of the samples, too."""
+    samples, rng = made(3), np.random.default_rng(5)
+    shape = samples.force.shape
+    # Columns that are alike, so that one has much of the other's effect.
+    apart = rng.normal(size=(*shape, 1))
+    more = apart + rng.normal(size=(*shape, 1))
+    rows, used = np.arange(0, len(samples), every), np.ones(shape, dtype=bool)[::every]
+    used[::5, 1] = False
+    found = samples.apart_from(apart).at(rows, used).beside("more", more[rows])
+    # One column for each motor, as motors have their own of any size.
+    both = apart * np.eye(2)
+    whole = samples.beside("more", more).beside("own", both).at(rows, used)
+    weights, n = np.array([2.0, 0.5]), len(samples.parameters)
+    R, S = (each.problem.weighted(weights) for each in (whole, found))
+    expected = np.linalg.lstsq(R[:, :-1], R[:, -1], rcond=None)[0][: n + 1]
+    np.testing.assert_allclose(
+        np.linalg.lstsq(S[:, :-1], S[:, -1], rcond=None)[0], expected, rtol=1e-9
+    )
+
+
 def test_least_errors_go_with_parts_and_selections():
     one = made(0)
     parts = [

@@ -84,9 +84,11 @@ def test_motors_that_stand_are_no_failure(robot):
         assert choose_terms(model, samples_of(model, [each])).automatic
 
 
-def test_what_an_offset_is_taken_for_is_named(tmp_path):
-    """The wrist hardly moves, so that its offset is the weight of the hand across it."""
-    (tmp_path / "arm.urdf").write_text(
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """Two links; the weight of the hand across the wrist is its offset where it hardly moves."""
+    file = tmp_path_factory.mktemp("arm") / "arm.urdf"
+    file.write_text(
         urdf(
             body("upper", (0.02, 0.01, 0.2), 3.0),
             body("hand", (0.03, 0.01, 0.05), 0.6),
@@ -94,7 +96,10 @@ def test_what_an_offset_is_taken_for_is_named(tmp_path):
             HINGE.format("wrist", "upper", "hand", 0.3, "0 1 0"),
         )
     )
-    arm = loopid.load(tmp_path / "arm.urdf")
+    return loopid.load(file)
+
+
+def test_what_an_offset_is_taken_for_is_named(arm):
     terms, values = JointTerms(arm.actuated, ("Fc", "Fv", "Fo")), [0.3, 0.2, 0.0, 0.3, 0.2, 0.15]
     for size, taken in (((1.0, 1.2), {}), ((0.05, 0.02), {"wrist.Fo": "hand.mx"})):
         motion = wander(arm, 1, seconds=20.0, rate=50.0, size=size)
@@ -106,3 +111,19 @@ def test_what_an_offset_is_taken_for_is_named(tmp_path):
         assert {k: v for k, v in found.items() if k.startswith("wrist")} == taken
     named = loopid.force_model(arm, "gravity", "Fc,Fv")  # as they were asked for
     assert taken_for_offsets(named, samples_of(named, [given])) == {}
+
+
+def test_intervals_hold_an_offset_that_was_left_out(arm):
+    """It is a few per cent of the motor's force, as in real ones. Bodies are those of the file."""
+    motion = wander(arm, 1, seconds=20.0, rate=50.0, size=(0.05, 0.02))
+    terms, off = JointTerms(arm.actuated, ("Fc", "Fv", "Fo")), 0.012
+    for sign in (-1, 1):
+        values = [0.3, 0.2, 0.0, 0.03, 0.02, sign * off]
+        given = record(arm, motion, (terms, values), noise=0.002, seed=1)
+        fit = loopid.identify(arm, given).fit
+        assert "wrist.Fo" not in fit.parameters.labels
+        truth = fit.model.base.values(fit.model.standard_prior)
+        bodies = [name for name in fit.parameters.labels if name.startswith("hand")]
+        apart = [abs(fit[name].value - truth[fit.parameters.labels.index(name)]) for name in bodies]
+        errors = [fit[name].standard_error for name in bodies]
+        assert all(a <= 2 * e for a, e in zip(apart, errors, strict=True))

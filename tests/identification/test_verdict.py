@@ -177,6 +177,16 @@ def test_it_says_which_speeds_and_accelerations_were_seen(identified):
     assert standing.verdict.reached == said([0])
 
 
+def test_errors_that_are_those_of_the_file_are_neither_smaller_nor_larger(identified):
+    """As of one motor in line, whose body and rotor are one: the rest is round-off."""
+    verdict = identified().verdict
+    same = "Over all motors they are as large as with the given bodies."
+    assert same not in str(verdict)
+    assert "smaller than with the given bodies" in str(verdict)
+    for ratio in (1 + 1e-14, 1 - 1e-14, 1.005):
+        assert same in str(replace(verdict, ratio=(ratio, 1e-14)))
+
+
 def test_a_motor_that_never_moves_is_named_first(identified):
     found = identified()
     used = found.data.used.copy()
@@ -318,6 +328,25 @@ def test_findings_are_two_lines_at_most_the_most_important_first(identified, wro
         assert len(f"{each.severity}: {each.title}") <= 80
         assert len(each.title.split()) <= 8
         assert len(f"{each.severity}: {each.brief}") <= 2 * 80
+
+
+@pytest.mark.parametrize("steps", [1, 20])
+def test_a_force_in_coarse_steps_is_named_and_no_cause_in_the_robot(robot, steps):
+    """Nine of ten samples below a step are 0; of 20 steps none says so."""
+    log = loopid.read_log("urdf/logs/five_bar.csv", robot)
+    step, force = np.percentile(np.abs(log.force[:, 1]), 90) / steps, log.force.copy()
+    force[:, 1] = step * np.trunc(force[:, 1] / step)
+    coarse = replace(log, force=force)
+    found = quietly(identify, robot, coarse, options=FitOptions(undo_delay=False))
+    said = [each for each in found.findings if "coarse steps" in each.title]
+    assert len(said) == (steps == 1)
+    for each in said:
+        assert robot.actuated[1] in each.title
+        assert each.do == found.verdict.improvement
+        part = float(each.why.split(" % of the samples")[0].split()[-1])
+        assert 85 < part <= 100
+        causes = [one for one in found.findings if "not explained" in one.title]
+        assert not any(robot.actuated[1] in one.title for one in causes)
 
 
 @pytest.mark.parametrize("model", few_of(["gravity", "full"], "full"))

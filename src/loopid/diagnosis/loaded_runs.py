@@ -19,7 +19,6 @@ from loopid.identification.model_choice import choose_model
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import NoiseModel
 from loopid.identification.terms import choose_terms
-from loopid.logs.preparing import at_cutoff
 from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.robot.robot import Robot
@@ -57,16 +56,15 @@ class LoadedRuns:
             robot = model_of(robot, choose_model(robot, [*runs[0], *runs[1]]).model)
         force_model = robot
         scales = tuple(
-            {} if run.log is None else run.log.force_scales for each in runs for run in each
+            {} if run.log is None else run.log.force_scales for run in (*runs[0], *runs[1])
         )
         _columns(force_model, link)
         require_no_repetition([run for each in runs for run in each])
-        (*runs,), delay, choice = in_time(force_model, runs)
-        if delay is not None:
-            delay.warn()
-        if choice is not None:
-            choice.warn()
-            runs = [at_cutoff(force_model.robot, each, choice.chosen) for each in runs]
+        found = in_time(force_model, runs)
+        for each in (found.delay, found.cutoff):
+            if each is not None:
+                each.warn()
+        runs = [*found.at_cutoff(force_model.robot)]
         force_model = choose_terms(force_model, samples_of(force_model, runs[0]))
         light = FitSamples.combined([force_model.samples(run) for run in runs[0]])
         # All that is identifiable without a prior; elsewhere as in the robot file.
@@ -88,7 +86,7 @@ class LoadedRuns:
             ]
         heavy = FitSamples.combined([force_model.samples(run) for run in runs[1]])
         kinds = tuple(force_model.base.parameters[j].kind for j in columns)
-        cutoff = None if choice is None else choice.chosen
+        cutoff = None if found.cutoff is None else found.cutoff.chosen
         load = np.concatenate(parts)
         return cls(force_model, link, light, heavy, load, kinds, noise, cutoff, scales)
 

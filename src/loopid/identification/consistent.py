@@ -283,7 +283,7 @@ def _off_the_file(
 
 def _terms_alone(force_model: ForceModel, program: _Program) -> tuple[_Program, FloatArray]:
     """The program with the bodies of the robot file, and their standard parameters (p,)."""
-    bodies = force_model.standard_prior
+    bodies = np.array(force_model.standard_prior)
     bodies[len(bodies) - len(program.terms.start) :] = 0.0
     alone = replace(
         program,

@@ -21,7 +21,7 @@ from loopid.errors import LoopidError
 from loopid.findings import Finding, WithFindings
 from loopid.identification.estimator import nearest_to_file
 from loopid.identification.force_models import ForceModel
-from loopid.identification.problem import FitProblem
+from loopid.identification.problem import FitProblem, FitSamples
 from loopid.logs.preparing import at_cutoff, motion_band, quietly_prepared
 from loopid.logs.recording import OVERSAMPLING, FilterOptions, Recording
 from loopid.records import record
@@ -218,6 +218,27 @@ def sections(robot: Robot, recording: Recording) -> Recording:
         return quietly_prepared(robot, recording, log.select(kept), options).within(recording)
     except LoopidError:
         return recording
+
+
+class Sampled(NamedTuple):
+    """Recordings at a cut-off in Hz, and the samples of each."""
+
+    cutoff: float
+    recordings: tuple[Recording, ...]
+    samples: tuple[FitSamples, ...]
+
+    @classmethod
+    def of(
+        cls,
+        force_model: ForceModel,
+        recordings: Sequence[Recording],
+        cutoff: float,
+        *,
+        n_jobs: int = 1,
+    ) -> Sampled:
+        """Recordings as they are where their filters have another cut-off."""
+        runs = at_cutoff(force_model.robot, recordings, cutoff)
+        return cls(cutoff, runs, tuple(force_model.samples(run, n_jobs=n_jobs) for run in runs))
 
 
 class _Fitted(NamedTuple):

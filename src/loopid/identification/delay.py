@@ -19,14 +19,18 @@ Most informative of a delay is where friction changes sides, in a wide band, whe
 noise of positions, too. The widest band that is looked at is that around which estimates change
 least (``cutoff.py``). Narrower ones follow. One is taken where delays of the motors are better
 known, and agree.
+
+Before that each of several logs has a delay of its own, of all its motors. One that is clearly far
+from those of the others is undone in its log.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -43,7 +47,7 @@ from loopid.identification.correlation import (
     run_lengths,
     within_runs,
 )
-from loopid.identification.cutoff import CutoffChoice, choose_cutoff
+from loopid.identification.cutoff import CutoffChoice, Sampled, choose_cutoff
 from loopid.identification.estimator import (
     UNKNOWN,
     WorkingFit,
@@ -61,7 +65,7 @@ from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.motion.filtering import LowPass
 from loopid.numbers import NORMAL_95
 from loopid.parameters import KINDS
-from loopid.records import record
+from loopid.records import derived, read_only, record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
@@ -115,6 +119,8 @@ class Delay(WithFindings):
     left : FloatArray
         Standard deviation in s of what is left in the log: (1,) of all motors together, or (m,) of
         each.
+    of_logs : dict of str to float
+        How much later in s than those of the other logs the forces of a log are, which is undone.
 
     Examples
     --------
@@ -134,6 +140,7 @@ class Delay(WithFindings):
     step: float
     undone: FloatArray
     left: FloatArray
+    of_logs: dict[str, float] = field(default_factory=dict)
 
     @property
     def clear(self) -> bool:
@@ -143,6 +150,8 @@ class Delay(WithFindings):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is clear, with its intervals; none where nothing is."""
+        if self.of_logs:
+            return (self._of_logs(), *replace(self, of_logs={}).findings)
         if not self.clear:
             return ()
         numbers = zip(self.joints, self.each, self.intervals, self.undone, strict=True)
@@ -154,6 +163,16 @@ class Delay(WithFindings):
             "undone (undo_delay=False would keep them; 'delay' in a mapping undoes a known one)"
         )
         return (Finding("warning", "forces were late or early, which is undone", why),)
+
+    def _of_logs(self) -> Finding:
+        """Of logs whose delay is not that of the others."""
+        said = (
+            f"{name} are {1e3 * abs(late):.3g} ms {'later' if late > 0 else 'earlier'}"
+            for name, late in self.of_logs.items()
+        )
+        title = f"the delay of forces of {', '.join(self.of_logs)} differs from that of other logs"
+        why = f"forces of {', those of '.join(said)} beside their positions than in the others"
+        return Finding("warning", f"{title}, which is undone", why)
 
 
 def _late(whose: str, delay: float, interval: FloatArray | tuple[float, float]) -> str:
@@ -197,12 +216,25 @@ def find_delay(
     >>> round(found.common, 2)
     0.02
     """
-    logged = [one for one in recordings if one.log is not None]
+    return _delay_of(force_model, _logged(recordings), cutoff)
+
+
+def _logged(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+    return tuple(one for one in recordings if one.log is not None)
+
+
+def _delay_of(
+    force_model: ForceModel,
+    logged: Sequence[Recording],
+    cutoff: float | None,
+    sampled: Sampled | None = None,
+) -> Delay | None:
+    """As ``find_delay``, of recordings with logs, which may be known at a cut-off."""
     best: Delay | None = None
     tried = list[Delay]()
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
-            found, slips = _found(force_model, at_cutoff(force_model.robot, logged, band))
+            found, slips = _found(force_model, logged, band, sampled)
             if found is None:
                 if best is not None:
                     break
@@ -236,6 +268,15 @@ def _over_bands(best: Delay, tried: Sequence[Delay]) -> Delay:
     return replace(found, left=np.array([error])) if clear else _kept(found)
 
 
+def _in_band(
+    force_model: ForceModel, logged: Sequence[Recording], band: float, sampled: Sampled | None
+) -> Sampled:
+    """Recordings in a band, unless they are known in it."""
+    if sampled is not None and sampled.cutoff == band:
+        return sampled
+    return Sampled.of(force_model, logged, band)
+
+
 def _bands(
     force_model: ForceModel, recordings: Sequence[Recording], widest: float | None
 ) -> list[float]:
@@ -252,13 +293,15 @@ def _bands(
     return [widest / 2**k for k in range(count)]
 
 
-def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[Delay | None, bool]:
-    """The delay in the band of recordings, and whether friction may build up.
+def _found(
+    force_model: ForceModel, recordings: Sequence[Recording], band: float, sampled: Sampled | None
+) -> tuple[Delay | None, bool]:
+    """The delay in a band of recordings, and whether friction may build up.
 
     None of too few samples, or a motion without change.
     """
     try:
-        forces = _Forces(force_model, recordings)
+        forces = _Forces(force_model, _in_band(force_model, recordings, band, sampled))
         search, robust = _Search(forces), None
         if slips := search.slips():
             robust = _Search(forces, slip=True).result()
@@ -342,23 +385,89 @@ def without_delay(
     return tuple(_moved(robot, one, delay.undone) for one in recordings)
 
 
+class InTime(NamedTuple):
+    """Groups of recordings without the delay of the first one, that delay, and its cut-off."""
+
+    groups: tuple[tuple[Recording, ...], ...]
+    delay: Delay | None = None
+    cutoff: CutoffChoice | None = None
+    first: Sampled | None = None  # the first group at the cut-off, where that was looked at
+
+    def at_cutoff(self, robot: Robot) -> tuple[tuple[Recording, ...], ...]:
+        """The groups at the cut-off, if one was chosen."""
+        if self.cutoff is None:
+            return self.groups
+        known = () if self.first is None else (self.first.recordings,)
+        others = self.groups[len(known) :]
+        return *known, *(at_cutoff(robot, each, self.cutoff.chosen) for each in others)
+
+
 def in_time(
     force_model: ForceModel,
     groups: Sequence[Sequence[Recording]],
     *,
     undo: bool = True,
     n_jobs: int = 1,
-) -> tuple[tuple[tuple[Recording, ...], ...], Delay | None, CutoffChoice | None]:
-    """Groups of recordings without the delay of the first one, that delay, and its cut-off."""
+) -> InTime:
+    """Undo the delay that the first of some groups of recordings shows, and choose its cut-off."""
     kept = tuple(map(tuple, groups))
     choice = choose_cutoff(force_model, kept[0], n_jobs=n_jobs)
     if not undo:
-        return kept, None, choice
-    delay = find_delay(force_model, kept[0], cutoff=choice.chosen if choice else None)
+        return InTime(kept, None, choice)
+    logged, at = _logged(kept[0]), None
+    if choice is not None:
+        at = Sampled.of(force_model, logged, choice.chosen, n_jobs=n_jobs)
+    of_logs = _delays_of_logs(force_model, logged, at)
+    if of_logs:
+        robot = force_model.robot
+        kept = tuple(tuple(_alike(robot, one, of_logs) for one in each) for each in kept)
+        choice = choose_cutoff(force_model, kept[0], n_jobs=n_jobs)
+        logged, at = _logged(kept[0]), None
+    delay = _delay_of(force_model, logged, None if choice is None else choice.chosen, at)
+    if delay is not None:
+        delay = replace(delay, of_logs=of_logs)
     if delay is None or not delay.clear:
-        return kept, delay, choice
+        return InTime(kept, delay, choice, at if logged == kept[0] else None)
     moved = tuple(without_delay(force_model, each, delay) for each in kept)
-    return moved, delay, choose_cutoff(force_model, moved[0], n_jobs=n_jobs)
+    return InTime(moved, delay, choose_cutoff(force_model, moved[0], n_jobs=n_jobs))
+
+
+def _delays_of_logs(
+    force_model: ForceModel, logged: Sequence[Recording], sampled: Sampled | None
+) -> dict[str, float]:
+    """How much later than those of the others the forces of a log are, of each that clearly is.
+
+    The others are as the one in the middle, of two that with the smaller delay.
+    """
+    names = [*dict.fromkeys(one.name for one in logged)]
+    if len(names) < 2:
+        return {}
+    try:
+        band = _bands(force_model, logged, None if sampled is None else sampled.cutoff)[0]
+        both = _in_band(force_model, logged, band, sampled)
+        search = _Search(_Forces(force_model, both, of_logs=True), slip=True)
+        _, _, delays, settled = search.delays
+        errors = np.where(settled, search.errors(delays)[0], np.inf)
+    except (DataError, RankError):
+        return {}
+    known = np.flatnonzero(np.isfinite(errors))
+    known = known[np.argsort(delays[known])]
+    middle = known[(len(known) - 1) // 2 : len(known) // 2 + 1]
+    if not len(middle):
+        return {}
+    usual = middle[np.argmin(np.abs(delays[middle]))]
+    late = delays - delays[usual]
+    halves = NORMAL_95 * np.hypot(errors, errors[usual])
+    clear = np.abs(late) > np.maximum(ALONE * halves, LEAST * search.forces.step)
+    return {names[k]: float(late[k]) for k in np.flatnonzero(clear) if k != usual}
+
+
+def _alike(robot: Robot, recording: Recording, of_logs: Mapping[str, float]) -> Recording:
+    """A recording whose forces are as late as those of the other logs."""
+    late = of_logs.get(recording.name)
+    if late is None:
+        return recording
+    return _moved(robot, recording, np.full(len(robot.actuated), late))
 
 
 def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
@@ -478,13 +587,14 @@ class _Run:
         return force, known & self.recording.used
 
 
+@derived
 def directions(recording: Recording) -> FloatArray:
     """Signs of the velocities (N, dof), filtered as friction in the forces is."""
     history, sign = recording.history, np.sign(recording.motion.velocities)
     for j, name in enumerate(recording.actuators):
         if history is not None and name in history.joints:
             sign[:, j] = history.lowpassed(history.directions(name))
-    return np.asarray(sign, dtype=np.float64)
+    return read_only(sign)
 
 
 def drive_columns(recording: Recording) -> FloatArray:
@@ -524,23 +634,29 @@ def _beside_others(
 
 
 class _Forces:
-    """All recordings: the regressor of their samples, and their forces at any shift."""
+    """All recordings: the regressor of their samples, and their forces at any shift.
 
-    def __init__(self, force_model: ForceModel, recordings: Sequence[Recording]) -> None:
-        robot = force_model.robot
+    Shifts are of all forces, of each motor, or of each log.
+    """
+
+    def __init__(self, force_model: ForceModel, at: Sampled, *, of_logs: bool = False) -> None:
+        robot, recordings = force_model.robot, at.recordings
+        names = [*dict.fromkeys(one.name for one in recordings)]
+        self.log_of = [names.index(one.name) for one in recordings] if of_logs else None
         self.runs, self.joints = [_Run(robot, one) for one in recordings], robot.actuated
         self.step = min(step for run in self.runs for step in run.steps)
         longest = min(LONGEST, PART * max(length for run in self.runs for length in run.lengths))
         self.shifts = np.linspace(-longest, longest, TRIED)
         # Motors that act on all coordinates together are not separated.
         self.count = 1 if robot.redundant else len(robot.actuated)
+        if of_logs:
+            self.count = len(names)
         self.driven = ~np.isin(robot.independent, robot.free)
         tried, used = zip(*map(self.at, self.shifts[:, None]), strict=True)
         self.tried = np.stack(tried, axis=2)  # (N, dof, TRIED)
-        drives = (
-            force_model.samples(one).beside("drive", drive_columns(one)) for one in recordings
-        )
-        samples = replace(FitSamples.combined(list(drives)), used=np.all(used, axis=0))
+        pairs = zip(at.samples, recordings, strict=True)
+        drives = [own.beside("drive", drive_columns(one)) for own, one in pairs]
+        samples = replace(FitSamples.combined(drives), used=np.all(used, axis=0))
         require_rows(samples.problem)
         combined = excited_combinations(_beside_others(force_model, samples, recordings), UNKNOWN)
         numbers = np.arange(len(combined)) * BLOCKS // len(combined)
@@ -549,14 +665,21 @@ class _Forces:
 
     def at(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Forces (N, dof) of times that are shifts (count,) later, and which can be used."""
-        each = np.broadcast_to(shifts, len(self.joints))
-        force, used = zip(*(run.force(each) for run in self.runs), strict=True)
+        of_runs = np.broadcast_to(shifts, (len(self.runs), len(shifts)))
+        if self.log_of is not None and len(shifts) > 1:
+            of_runs = shifts[self.log_of, None]
+        of_runs = np.broadcast_to(of_runs, (len(self.runs), len(self.joints)))
+        pairs = zip(self.runs, of_runs, strict=True)
+        force, used = zip(*(run.force(own) for run, own in pairs), strict=True)
         return np.concatenate(force), np.concatenate(used)
 
     def slopes(self, force: FloatArray, count: int) -> FloatArray:
-        """What a delay of all motors, or of each, does to forces (N, dof): (N, dof, count)."""
+        """What a delay of all, each motor or each log does to forces (N, dof): (N, dof, count)."""
         rates = _rates(self.samples, force, [run.time for run in self.runs])
         acting = self.driven[:, None] * (1.0 if count == 1 else np.eye(rates.shape[1], count))
+        if self.log_of is not None and count > 1:
+            log_of = np.repeat(self.log_of, [len(run.time) for run in self.runs])
+            acting = self.driven[:, None] * np.eye(count)[log_of][:, None]
         return np.asarray(-rates[:, :, None] * acting)
 
 

@@ -24,7 +24,7 @@ from loopid.motion.joints import JointMotion
 from loopid.numbers import FIT_ROUND_OFF
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.progress import Progress
-from loopid.records import record
+from loopid.records import read_only, record
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
 from loopid.regressors.joint_terms import (
     JointTerms,
@@ -175,7 +175,7 @@ class ForceModel:
         terms, _ = parted(self.joint_terms)
         return replace(self, joint_terms=terms, base=narrow, bodies=None, drives=None)
 
-    @property
+    @cached_property
     def load_columns(self) -> tuple[IntArray, IntArray]:
         """Rows of the motors with load friction, and its columns."""
         return load_places(self.parameters, self.robot.independent)
@@ -239,11 +239,11 @@ class ForceModel:
         labels = self.parameters.labels
         return np.array([labels.index(label) for label in parameters.labels], dtype=np.int64)
 
-    @property
+    @cached_property
     def standard_prior(self) -> FloatArray:
         """Standard parameters (p,) of the robot file, zero for joint terms unknown to it."""
         bodies = self.robot.standard_parameters(self.model)
-        return np.concatenate([bodies, np.nan_to_num(self.joint_values)])
+        return read_only(np.concatenate([bodies, np.nan_to_num(self.joint_values)]))
 
     @cached_property
     def joint_values(self) -> FloatArray:
@@ -683,6 +683,18 @@ def samples_of(
     >>> loopid.identification.samples_of(model, [run]).regressor.shape[1:]
     (2, 15)
     """
+    return of_recordings(force_model, recordings, references=references, n_jobs=n_jobs)
+
+
+def of_recordings(
+    force_model: ForceModel,
+    recordings: Sequence[Recording],
+    each: Sequence[FitSamples] = (),
+    *,
+    references: Sequence[JointMotion] = (),
+    n_jobs: int = 1,
+) -> FitSamples:
+    """As ``samples_of``, where the samples of each recording may be known."""
     if not recordings:
         raise DataError("identification needs recordings to fit, and others to validate")
     if references and len(references) != len(recordings):
@@ -691,7 +703,7 @@ def samples_of(
             given=len(references),
             valid=len(recordings),
         )
-    parts = [force_model.samples(recording, n_jobs=n_jobs) for recording in recordings]
+    parts = [*each] or [force_model.samples(one, n_jobs=n_jobs) for one in recordings]
     for k, reference in enumerate(references):
         instruments = reference_instruments(force_model, recordings[k], reference, n_jobs=n_jobs)
         parts[k] = parts[k].with_instruments(instruments)

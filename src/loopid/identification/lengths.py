@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from loopid.arguments import FloatArray
 from loopid.identification.force_models import ForceModel
-from loopid.kinematics.constraint import Constraint, scaled_jacobian, scaled_residual
+from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import Factorisation, closed_motion, partition
 from loopid.logs.recording import Recording
@@ -92,10 +92,10 @@ def _forces(robot: Robot, run: Recording, model: str) -> FloatArray:
     motion, q = run.motion, run.motion.configurations
     if robot.rows:
         dependent = partition(robot)[1]
-        A = scaled_jacobian(robot, Constraint(robot, q).jacobian())[:, :, dependent]
-        open_by = scaled_residual(robot, q)[:, :, None]
+        open_by, A = Constraint(robot, q).scaled()
         step = np.zeros((len(q), robot.model.nv))
-        step[:, dependent] = -Factorisation.of(A).solve(open_by)[:, :, 0]
+        solved = Factorisation.of(A[:, :, dependent]).solve(open_by[:, :, None])
+        step[:, dependent] = -solved[:, :, 0]
         q = integrate(robot, q, step * robot.coordinate_scales)
     whole = closed_motion(robot, q, motion.velocities, motion.accelerations)
     return motion_regressor(robot, whole, model)

@@ -10,7 +10,7 @@ errors added back to these. A clear force that saves errors on segments left out
 by more than they are known to, is named. It is not added. Intervals hold the bias that it makes. A
 weak spring looks like gravity, and moves estimates of bodies far. Intervals hold the bias of one
 that is likely, though not clear. How much would not show at all is said; intervals hold without
-such a spring.
+such a spring. They hold offsets that were left out, of the size that motors have.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,7 +40,8 @@ from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import segments_of
 from loopid.identification.lengths import length_forces
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit
+from loopid.identification.result import Fit, with_errors
+from loopid.identification.terms import KNOWN_OFFSET
 from loopid.logs.recording import Recording
 from loopid.records import record
 from loopid.robot.robot import position_of
@@ -62,6 +64,7 @@ SLOW, LARGER = 0.2, 1.25
 # that little looks like more. What is filtered looks like less near singularities, and links are
 # not made that exactly: intervals hold it, and it is no finding.
 LEAST_OFF, MOST_OFF = 5e-5, 0.1
+FOLLOWS = 3  # columns of the motion of another motor
 DEPENDENT = 1e-6  # part of a column beside the fit's below which it adds nothing
 
 
@@ -255,7 +258,7 @@ LAWS = (
 def _coupling(other: str) -> _Law:
     return _Law(
         f"follows the motion of {other}",
-        "look for a gear, a belt, or a cross-talk of their sensors",
+        "look for a gear, a belt, a differential (joint_maps), or cross-talk of sensors",
         lambda its, _: [np.sign(its.rate), its.rate, its.acceleration],
         other=other,
     )
@@ -308,11 +311,9 @@ def _length_or_zero(
     every = slice(None, None, step)
     own = [np.flatnonzero(samples.runs == k)[every] for k in range(len(recordings))]
     rows = np.concatenate(own)
-    of_samples = "regressor", "force", "used", "segments", "runs", "regions"
-    chosen = {name: getattr(samples, name)[rows] for name in of_samples}
-    chosen["used"] = chosen["used"] & ~_slow(fit, recordings)[rows]
+    chosen = samples.at(rows, ~_slow(fit, recordings)[rows])
     # They count as much as all, beside the prior.
-    fit = _refitted(fit, replace(samples, **chosen, instruments=None), fit.prior, np.sqrt(step))
+    fit = _refitted(fit, chosen, fit.prior, np.sqrt(step))
     runs = [run.select(every) for run in recordings]
     test = _Test(fit, len(force_model.parameters))
     lengths = length_forces(force_model, standard, runs)
@@ -366,6 +367,26 @@ def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
     """A fit whose intervals hold the bias of forces that are missing."""
     biases = [np.outer(each.bias, each.bias) for each in missing if each.certainty != "hidden"]
     return replace(fit, covariance=sum(biases, fit.covariance)) if biases else fit
+
+
+def with_offsets(fit: WorkingFit, motors: Sequence[str]) -> Fit:
+    """The result of a fit whose intervals hold that these motors may have an offset.
+
+    Before any data it is 0 ± ``KNOWN_OFFSET`` times the motor's force, and m ± s beside the fit's
+    values. These stay those without, so that m and s are both errors of theirs.
+    """
+    result, samples = fit.result, fit.samples
+    rows = [samples.actuators.index(motor) for motor in motors]
+    sizes = KNOWN_OFFSET * samples.problem.force_rms[rows]
+    if result.noise is None or not sizes.all() or not rows:
+        return result
+    columns, k = np.zeros((*samples.force.shape, len(rows))), len(rows)
+    columns[:, rows, np.arange(k)] = sizes
+    with one_blas_thread():
+        beside = within_runs(_beside(fit, columns, "offset", of_unit_size=True)).result
+        spread = np.linalg.cholesky(beside.covariance[-k:, -k:])
+        moved = fit.response(columns) @ np.column_stack([spread, beside.values[-k:]])
+    return with_errors(result, moved, np.inf)
 
 
 def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> States:
@@ -450,7 +471,7 @@ class _Test:
 
         pieces, n, k = self.fit.samples.pieces, len(self.inverse), columns.shape[2]
         own = np.flatnonzero(columns.any(axis=(0, 2)))
-        c = columns[:, own] * self.scale[:, own, None]
+        c = self.fit.samples.remaining(columns)[:, own] * self.scale[:, own, None]
         turned = np.einsum("nij,nik->jk", self.columns[:, own], c, optimize=True)
         squares = np.einsum("nij,nik->jk", c, c, optimize=True)
         G, sizes = squares - turned.T @ turned, np.sqrt(np.diag(squares))
@@ -616,9 +637,10 @@ class _Search:
             columns = self._columns(motor, law, number)
             if count >= ROWS * columns.shape[2]:
                 tried.append(_Tried(law, number, kinds * self.families, self.test.of(columns)))
-        best = min(tried, key=lambda one: self._chance(one, one.found.chance), default=None)
-        if best is not None and self._chance(best, best.found.chance) < FALSE_ALARM:
-            chance = self._chance(best, self.test.confirmed(best.found.columns))
+        best = min(tried, key=lambda one: self._chance(motor, one), default=None)
+        if best is not None and self._chance(motor, best) < FALSE_ALARM:
+            found = best.found._replace(chance=self.test.confirmed(best.found.columns))
+            chance = self._chance(motor, best._replace(found=found))
             if chance < FALSE_ALARM:
                 return [self._missing(motor, best, chance, "clear")]
         springs = (one for one in tried if one.law.term and one.found.x.all())
@@ -634,10 +656,33 @@ class _Search:
         hidden = one.found._replace(x=times * one.found.x, bias=times * one.found.bias)
         return self._missing(motor, one._replace(found=hidden), chance, "hidden")
 
-    def _chance(self, one: _Tried, alone: float) -> float:
-        """Of what is tried for a motor that shows it by some chance: its own, or that of all."""
+    def _chance(self, motor: str, one: _Tried) -> float:
+        """Of what is tried for a motor: its own, or that of all."""
+        alone = one.found.chance
+        if one.law.other and one.tests * alone < FALSE_ALARM:
+            alone = self._beside_others(motor, one.law.other, alone)
         of_all = len(LAWS) * self.families * self.together.get(one.law.said, 1.0)
         return min(one.tests * alone, of_all if alone < ONE_OF_ALL else 1.0)
+
+    def _beside_others(self, motor: str, other: str, chance: float) -> float:
+        """Of a coupling, by how large those of other motors look: genomic control [Devlin1999].
+
+        What the model lacks looks a little like the motion of any motor, and most couple with none.
+        """
+        from scipy.special import chdtrc, chdtri  # slow to import
+
+        pairs = permutations([one for one in self.motors if one not in (motor, other)], 2)
+        others = [self.couplings[pair] for pair in pairs]
+        if not others:
+            return chance
+        times = chdtri(FOLLOWS, np.median(others)) / chdtri(FOLLOWS, 0.5)
+        return float(chdtrc(FOLLOWS, chdtri(FOLLOWS, chance) / max(times, 1.0)))
+
+    @cached_property
+    def couplings(self) -> dict[tuple[str, str], float]:
+        """Chances that the force of a motor, the first, follows the motion of another one."""
+        pairs = permutations(self.motors, 2)
+        return {(a, b): self.test.of(self._columns(a, _coupling(b))).chance for a, b in pairs}
 
     def _missing(self, motor: str, one: _Tried, chance: float, certainty: str) -> MissingForce:
         slides = self.force_model.robot.slides(motor)

@@ -22,12 +22,18 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     warn_of_bodies,
 )
-from loopid.identification.cutoff import CutoffChoice
+from loopid.identification.cutoff import CutoffChoice, Sampled
 from loopid.identification.data import read, require_no_repetition
-from loopid.identification.delay import Delay, in_time, with_delay_errors
+from loopid.identification.delay import Delay, InTime, in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
-from loopid.identification.force_models import AUTOMATIC, ForceModel, force_model, samples_of
+from loopid.identification.force_models import (
+    AUTOMATIC,
+    ForceModel,
+    force_model,
+    of_recordings,
+    samples_of,
+)
 from loopid.identification.friction import allowing_drives, motor_use, with_friction
 from loopid.identification.identification import Identification, split_recordings
 from loopid.identification.information import (
@@ -40,7 +46,7 @@ from loopid.identification.information import (
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut
 from loopid.identification.log_mistakes import LogFaults, log_faults_by_log
-from loopid.identification.missing import MissingForce, missing_forces, with_missing
+from loopid.identification.missing import MissingForce, missing_forces, with_missing, with_offsets
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
 from loopid.identification.outcome import ALL, ROBOT_FILE
@@ -48,8 +54,7 @@ from loopid.identification.plausibility import NOTHING_FOLLOWS, absurdities, not
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import NoiseModel, fit_quality
 from loopid.identification.result import Fit, of_all
-from loopid.identification.terms import choose_terms
-from loopid.logs.preparing import at_cutoff
+from loopid.identification.terms import choose_terms, without_offset
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet
@@ -179,10 +184,12 @@ def identify(
     require_no_repetition(groups[0])
     choice, force_model = _model_of(robot, groups[0], options)
     runs = _Runs.of(groups, judged=validation is not None, fraction=options.fraction)
-    runs, delay, cutoff, faults = _in_time(force_model, runs, options)
+    runs, found, faults = _in_time(force_model, runs, options)
+    delay, cutoff = found.delay, found.cutoff
     fitted = {run.name for run in runs.training}
     singular = any(log.singular is not None for log in faults if log.recording in fitted)
-    fits = _fitted(force_model, runs, references, delay, options, singular=singular)
+    sampled = _sampled(force_model, runs, references, found.first, options)
+    fits = _fitted(*sampled, runs, delay, options, singular=singular)
     fits = fits.with_origin(runs, delay, cutoff, faults)
     for each in (delay, fits.excited):
         if each is not None:
@@ -220,20 +227,17 @@ class _Runs(NamedTuple):
 
 def _in_time(
     force_model: ForceModel, runs: _Runs, options: FitOptions
-) -> tuple[_Runs, Delay | None, CutoffChoice | None, tuple[LogFaults, ...]]:
-    """Recordings without delay, at the best cut-off; that delay, the cut-off, and mistakes."""
-    robot = force_model.robot
-    groups, delay, cutoff = in_time(
-        force_model, runs[:3], undo=options.undo_delay, n_jobs=options.n_jobs
-    )
-    faults = log_faults_by_log(robot, [*chain(*groups)], force_model.joint_terms)
-    for mistake in (found for log in faults for found in log.findings):
+) -> tuple[_Runs, InTime, tuple[LogFaults, ...]]:
+    """Recordings without delay, at the best cut-off; what was found of these, and mistakes."""
+    robot, undo = force_model.robot, options.undo_delay
+    found = in_time(force_model, runs[:3], undo=undo, n_jobs=options.n_jobs)
+    faults = log_faults_by_log(robot, [*chain(*found.groups)], force_model.joint_terms)
+    for mistake in (finding for log in faults for finding in log.findings):
         mistake.warn()  # before what a wrong log may end in
-    if cutoff is not None:
-        cutoff.warn()
-        groups = tuple(at_cutoff(robot, group, cutoff.chosen) for group in groups)
-    training, judging, friction = groups
-    return _Runs(training, judging, friction, runs.left_out), delay, cutoff, faults
+    if found.cutoff is not None:
+        found.cutoff.warn()
+    training, judging, friction = found.at_cutoff(robot)
+    return _Runs(training, judging, friction, runs.left_out), found, faults
 
 
 class _Fits(NamedTuple):
@@ -272,15 +276,15 @@ class _Fits(NamedTuple):
 
 def _fitted(
     force_model: ForceModel,
+    data: FitSamples,
+    first: FitSamples | None,
     runs: _Runs,
-    references: Sequence[JointMotion],
     delay: Delay | None,
     options: FitOptions,
     *,
     singular: bool,
 ) -> _Fits:
     """The robot file with fitted joint terms, all parameters, and all of solid bodies."""
-    force_model, data, first = _sampled(force_model, runs, references, options)
     plain = force_model.plain_columns
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
@@ -304,7 +308,9 @@ def _fitted(
     start = fit_joint_terms(force_model, data, noise=least)
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
-        fits[CONSISTENT] = with_missing(with_assumed(solid.result, excited), missing)
+        offsets = () if first is not None else without_offset(force_model, data)
+        allowing = with_missing(with_offsets(solid, offsets), missing)
+        fits[CONSISTENT] = with_assumed(allowing, excited)
     own_data = data if solid is None else solid.samples
     refits = _refits(
         force_model, fits, excited, own_data, first=first, known=known, options=options
@@ -323,10 +329,11 @@ def _judged(
     judged = _candidates(fits, data, new, left)
     if CONSISTENT in judged:
         best = fits.fits[ROBOT_FILE if judged[CONSISTENT].loses_to_baseline else CONSISTENT]
-        force_model = force_model.with_loads(best.values, best.standard_parameters)
-        data = force_model.widened(data, runs.training)
-        new = data if runs.left_out else force_model.widened(new, runs.judging)
-        judged = _candidates(fits, data, new, left)
+        carrying = force_model.with_loads(best.values, best.standard_parameters)
+        if carrying is not force_model:
+            force_model, data = carrying, carrying.widened(data, runs.training)
+            new = data if runs.left_out else carrying.widened(new, runs.judging)
+            judged = _candidates(fits, data, new, left)
     dead = nothing_follows(judged[ALL].fit)
     judged = {name: _with_model(each, force_model, data, dead) for name, each in judged.items()}
     return force_model, data, new, judged
@@ -348,16 +355,25 @@ def _model_of(
 
 
 def _sampled(
-    force_model: ForceModel, runs: _Runs, references: Sequence[JointMotion], options: FitOptions
+    force_model: ForceModel,
+    runs: _Runs,
+    references: Sequence[JointMotion],
+    known: Sampled | None,
+    options: FitOptions,
 ) -> tuple[ForceModel, FitSamples, FitSamples | None]:
-    """The force model without offsets that are not identifiable, and its samples."""
+    """The force model without offsets that are not identifiable, and its samples.
 
-    def samples(model: ForceModel) -> tuple[FitSamples, FitSamples | None]:
-        data = samples_of(model, runs.training, references=references, n_jobs=options.n_jobs)
-        alone = runs.friction
-        return data, samples_of(model, alone, n_jobs=options.n_jobs) if alone else None
+    Those of each recording that is fitted may be known, of the force model that is given.
+    """
+    n_jobs, alone = options.n_jobs, runs.friction
 
-    data, first = samples(force_model)
+    def samples(
+        model: ForceModel, each: Sequence[FitSamples] = ()
+    ) -> tuple[FitSamples, FitSamples | None]:
+        data = of_recordings(model, runs.training, each, references=references, n_jobs=n_jobs)
+        return data, of_recordings(model, alone, n_jobs=n_jobs) if alone else None
+
+    data, first = samples(force_model, () if known is None else known.samples)
     chosen = choose_terms(force_model, data if first is None else first)
     return chosen, *((data, first) if chosen is force_model else samples(chosen))
 

@@ -107,10 +107,10 @@ class FitProblem:
         """Rows less parameters."""
         return self.rows - len(self.parameters)
 
-    @property
+    @cached_property
     def force_rms(self) -> FloatArray:
         """Root mean squares (dof,) of the forces; 0 without samples."""
-        return np.asarray(np.sqrt(self.force_squares() / np.maximum(self.samples, 1)))
+        return _own(np.sqrt(self.force_squares() / np.maximum(self.samples, 1)))
 
     @property
     def force_weights(self) -> FloatArray:
@@ -167,6 +167,8 @@ class FitSamples:
         known to be zero; by default 0.
     instruments : FloatArray or None
         (N, dof, n), the regressor of a motion whose errors are independent of the measured one's.
+    apart : tuple of FloatArray
+        Of each motor (N, k), unit columns that are set apart (``apart_from``); by default none.
 
     Examples
     --------
@@ -188,6 +190,7 @@ class FitSamples:
     regions: IntArray
     least_errors: FloatArray
     instruments: FloatArray | None = None
+    apart: tuple[FloatArray, ...] = ()
 
     @classmethod
     def of(
@@ -295,7 +298,7 @@ class FitSamples:
             count = columns.shape[2] if columns.ndim == 3 else 0
             names = (f"{parameters}.{k}" for k in range(count))
             parameters = ParameterSet.from_labels(names)
-        columns = shaped(columns, "columns", *self.force.shape, len(parameters))
+        columns = self.remaining(shaped(columns, "columns", *self.force.shape, len(parameters)))
         return replace(
             self,
             parameters=self.parameters + parameters,
@@ -353,12 +356,34 @@ class FitSamples:
         own = shaped(
             columns, "columns", *self.force.shape, columns.shape[2] if columns.ndim == 3 else 0
         )
-        W, tau = self.regressor.copy(), self.force.copy()
-        for i, apart in enumerate(np.moveaxis(own * self.used[:, :, None], 1, 0)):
-            unit = _orthonormal(apart)
-            W[:, i] -= unit @ (unit.T @ W[:, i])
-            tau[:, i] -= unit @ (unit.T @ tau[:, i])
-        return replace(self, regressor=_own(W), force=tau)
+        units = (_orthonormal(one) for one in np.moveaxis(own * self.used[:, :, None], 1, 0))
+        found = replace(self, apart=tuple(units))
+        tau = found.remaining(self.force[:, :, None])[:, :, 0]
+        return replace(found, regressor=_own(found.remaining(self.regressor)), force=tau)
+
+    def at(self, rows: IntArray, used: BoolArray) -> FitSamples:
+        """Some of the samples, of which (M, dof) take part."""
+        of_samples = "regressor", "force", "segments", "runs", "regions"
+        found = replace(
+            self,
+            **{name: getattr(self, name)[rows] for name in of_samples},
+            used=self.used[rows] & used,
+            instruments=None if self.instruments is None else self.instruments[rows],
+            apart=(),
+        )
+        if not self.apart:
+            return found
+        columns = np.zeros((*found.force.shape, max(unit.shape[1] for unit in self.apart)))
+        for i, unit in enumerate(self.apart):
+            columns[:, i, : unit.shape[1]] = unit[rows]
+        return found.apart_from(columns)
+
+    def remaining(self, columns: FloatArray) -> FloatArray:
+        """Columns (N, dof, k) without what those that are set apart explain of them."""
+        left = columns.copy() if self.apart else columns
+        for i, unit in enumerate(self.apart):
+            left[:, i] -= unit @ (unit.T @ left[:, i])
+        return left
 
     def with_instruments(self, instruments: FloatArray) -> FitSamples:
         """The same samples with instruments (N, dof, n), which go wherever the samples go.

@@ -31,7 +31,8 @@ from loopid.workers import one_blas_thread
 OFFSET = "Fo"
 # Part of the effect of an offset that other parameters must not make up for: less is round-off.
 OWN_EFFECT = 1e-4
-# Standard error, relative to the motor's force, up to which an offset is well determined.
+# Standard error, relative to the motor's force, up to which an offset is well determined; one that
+# is left out is 0 ± this before any data.
 KNOWN_OFFSET = 0.05
 
 
@@ -78,20 +79,28 @@ def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
     )
 
 
+def without_offset(force_model: ForceModel, data: FitSamples) -> tuple[str, ...]:
+    """Motors with samples whose offset was left out."""
+    if not force_model.automatic:
+        return ()
+    terms, moved = force_model.joint_terms, np.any(data.used, axis=0).tolist()
+    kinds = {} if terms is None else terms.of_joints
+    joints = zip(data.actuators, moved, strict=True)
+    return tuple(joint for joint, own in joints if own and OFFSET not in kinds.get(joint, ()))
+
+
 def taken_for_offsets(force_model: ForceModel, data: FitSamples) -> dict[str, str]:
     """Offsets that were left out, each with the parameter that has most of it in the data."""
-    if not force_model.automatic:
-        return {}
-    terms, found = force_model.joint_terms, dict[str, str]()
-    kinds = {} if terms is None else terms.of_joints
+    found, motors = dict[str, str](), without_offset(force_model, data)
+    if not motors:
+        return found
     problem, n = data.problem, len(data.parameters)
     with one_blas_thread():
         lengths, sizes, turn = scaled_svd(problem.weighted(problem.force_weights)[:n, :n])
         excited = sizes > LEAST_EXCITATION * sizes[0]
         ways = (turn[excited] / sizes[excited, None]) / lengths
-        for k, joint in enumerate(data.actuators):
-            if OFFSET in kinds.get(joint, ()) or not data.used[:, k].any():
-                continue
+        for joint in motors:
+            k = data.actuators.index(joint)
             column = data.regressor[data.used[:, k], k].sum(axis=0)
             values = ways.T @ (ways @ column)
             effects = np.abs(values) * np.linalg.norm(problem.factors[k, :, :n], axis=0)

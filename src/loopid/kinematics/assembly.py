@@ -306,7 +306,7 @@ def _followed(
     measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: AssemblyOptions
 ) -> Assembly:
     origin = measured.read(start)
-    way, at = measured.difference(origin, targets), measured.linearise(start, origin)
+    way, at = measured.difference(origin, targets), _at_starts(measured, start, origin)
     # The whole way at once, from where the start's tangent leads if that is near; else in steps.
     begin = _predicted(measured, start, at, way)
     found = correct(measured, begin, targets, options.short)
@@ -321,6 +321,17 @@ def _followed(
     assembled = arrived & small
     q[~assembled] = np.nan
     return Assembly(q, residual, assembled, largest_opening(measured.robot, options.tolerance))
+
+
+def _at_starts(
+    measured: MeasuredCoordinates, start: FloatArray, origin: FloatArray
+) -> Linearisation:
+    """The equations at starts (N, nq), once where samples one after the other begin at the same."""
+    new = np.append(True, (start[1:] != start[:-1]).any(axis=1))
+    if new.all():
+        return measured.linearise(start, origin)
+    rows = np.cumsum(new) - 1
+    return Linearisation(*(each[rows] for each in measured.linearise(start[new], origin[new])))
 
 
 class _Path(NamedTuple):

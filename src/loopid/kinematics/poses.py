@@ -52,11 +52,9 @@ class Prepared:
     def __init__(self, robot: Robot) -> None:
         self.model, self.memory = robot.model, robot.memory
         models = list(enumerate(self.model.joints))[1:]
-        # Index and coordinates of the joints that ``data.dJ`` is not all of.
+        # Index and first coordinate of the joints that ``data.dJ`` is not all of.
         self.varying = [
-            (k, slice(joint.idx_v, joint.idx_v + joint.nv))
-            for k, joint in models
-            if joint.shortname() in VARYING_SUBSPACE
+            (k, joint.idx_v) for k, joint in models if joint.shortname() in VARYING_SUBSPACE
         ]
         self.closure_frames, _ = robot.closure_frames
         # Of all frames: 1 where a coordinate moves a frame, else 0.
@@ -165,7 +163,7 @@ def frame_poses(
     data, frames, ids = memory.data, memory.placed, np.asarray(frame_ids, dtype=np.intp)
     placed = np.empty((len(q), len(ids), 12))
     jacobian, J = np.empty((len(q), 6 if jacobians else 0, model.nv)), data.J
-    for k, configuration in enumerate(q):
+    for k, (configuration, out) in enumerate(zip(q, placed, strict=True)):
         if jacobians:
             pin.computeJointJacobians(model, data, configuration)
             pin.updateFramePlacements(model, data)
@@ -173,7 +171,7 @@ def frame_poses(
         else:
             pin.framesForwardKinematics(model, data, configuration)
         # Without a mode NumPy copies the output, in case that an index is none.
-        frames.take(ids, axis=0, out=placed[k], mode="clip")
+        frames.take(ids, 0, out, "clip")
     rotation = placed[..., :9].reshape(*placed.shape[:2], 3, 3).swapaxes(2, 3)
     return FramePoses(placed[..., 9:], rotation, own.supports[ids], jacobian)
 
@@ -184,13 +182,16 @@ def frame_motions(robot: Robot, q: FloatArray, v: FloatArray, poses: FramePoses)
     model, data = own.model, own.memory.data
     # What each coordinate adds to the twists of bodies at the fixed origin, and to their rates.
     parts, dJ = np.empty((2, len(q), 6, model.nv)), data.dJ
-    np.multiply(poses.joint_jacobian, v[:, None], out=parts[0])
+    changes = np.zeros((len(q), 6, len(own.varying)))
+    parts[0] = poses.joint_jacobian
     for k, state in enumerate(zip(q, v, strict=True)):
         pin.computeJointJacobiansTimeVariation(model, data, *state)
-        np.multiply(dJ, state[1], out=parts[1, k])
-        for joint, columns in own.varying:
+        parts[1, k] = dJ
+        for j, (joint, _) in enumerate(own.varying):
             change = data.oMi[joint].act(pin.Motion(np.ravel(data.joints[joint].c)))
-            parts[1, k, :, columns.start] += change.vector
+            changes[k, :, j] = change.vector
+    parts *= v[:, None]
+    parts[1][:, :, [first for _, first in own.varying]] += changes
     both = np.swapaxes(parts @ poses.supports.T, 2, 3)  # (2, N, F, 6)
     turn, turning = both[..., 3:]
     velocity, rate = both[..., :3] + _cross(both[..., 3:], poses.origin)
@@ -256,14 +257,12 @@ def torque_regressors(
     G = np.broadcast_to(np.eye(tree.nv), (len(q), tree.nv, tree.nv)) if G is None else G
     to_rows = np.ascontiguousarray(G.transpose(0, 2, 1))
     K = np.empty((len(q), to_rows.shape[1], len(columns)))
-    whole = np.empty((min(len(q), REGRESSORS), to_rows.shape[1], 10 * (tree.njoints - 1)))
+    whole = np.empty((min(len(q), REGRESSORS), tree.nv, 10 * (tree.njoints - 1)))
     for rows in blocks(len(q), REGRESSORS):
-        states = zip(q[rows], v[rows], a[rows], to_rows[rows], whole, strict=False)
-        for *state, to_row, out in states:
-            Y = pin.computeJointTorqueRegressor(tree, data, *state)
-            # For a single coordinate the binding drops the axis of its one row.
-            np.dot(to_row, Y if tree.nv > 1 else Y.reshape(1, -1), out=out)
-        K[rows] = whole[: rows.stop - rows.start, :, columns]
+        for k, state in enumerate(zip(q[rows], v[rows], a[rows], strict=True)):
+            whole[k] = pin.computeJointTorqueRegressor(tree, data, *state)
+        projected = to_rows[rows] @ whole[: rows.stop - rows.start]
+        projected.take(columns, axis=2, out=K[rows], mode="clip")
     return K if ties is None else K @ ties
 
 

@@ -48,7 +48,7 @@ from loopid.logs.signals import (
     wrench_name,
 )
 from loopid.logs.table import COMPONENTS, QUANTITIES, array_table
-from loopid.records import Tabular, columns_of, record
+from loopid.records import Tabular, columns_of, derived, record
 
 if TYPE_CHECKING:
     from loopid.logs.mapping import LogMapping
@@ -479,6 +479,7 @@ class Log(Tabular):
             raise DataError(f"values must have {len(self)} rows, one a sample", argument="values")
         return np.concatenate([function(values[part], self.rate(part)) for part in self.parts()])
 
+    @derived
     def step_of(self, joint: str) -> float:
         """Least difference of positions of a motor, in m or rad; 0 where it has none."""
         OptionError.require("motor", joint, self.joints)

@@ -159,7 +159,8 @@ def prepare(
         warn(f"{log.name}: {fault}", DataWarning)
     saturated = near_saturation(log, limits, lowpass)[rows]
     stuck = sticking(log, signals.velocity)
-    idle = standing(robot, log, signals.velocity, rows, lowpass, stuck)
+    slow = idle_samples(robot, log, signals.velocity, rows)
+    idle = standing(robot, log, slow, rows, lowpass, stuck)
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
         raise LogError(said)
@@ -176,7 +177,6 @@ def prepare(
     history, parts = None, tuple(log.parts())
     if lowpass is not None:
         rates = log.joints, signals.velocity, parts, tuple(map(log.rate, parts))
-        slow = idle_samples(robot, log, signals.velocity, rows)
         history = RateHistory(*rates, lowpass, slow, stuck, rows, (rows, motion))
     recording = Recording(
         name=log.name,
@@ -627,21 +627,21 @@ def _where(time: FloatArray, flags: BoolArray) -> str:
 def standing(
     robot: Robot,
     log: Log,
-    velocity: FloatArray,
+    slow: BoolArray,
     rows: IntArray,
     lowpass: LowPass | None,
     stuck: BoolArray,
 ) -> BoolArray:
     """Where each motor is at or near a standstill (K, m), of some rows (K,).
 
-    Friction can be anything while a motor stands or sticks (N, m), and the filter spreads it. A
-    motor that turns back smoothly is slow for less long: there friction shows how it builds up.
+    Friction can be anything while a motor is slow or sticks (N, m), and the filter spreads it. One
+    that turns back smoothly is slow for less long: there friction shows how it builds up.
     """
-    idle, cutoff = idle_samples(robot, log, velocity, rows), provisional_cutoff(robot, log)
+    idle, cutoff = slow.copy(), provisional_cutoff(robot, log)
     for part in log.parts():
         rate = log.rate(part)
         half = int(STANDSTILL * rate / (2 * cutoff))
-        long = ~_within_reach(~idle[part], half)  # slow for a whole standstill
+        long = ~_within_reach(~slow[part], half)  # for a whole standstill
         reach = reach_of(lowpass, rate)
         idle[part] |= _within_reach(long, half + reach) | _within_reach(stuck[part], reach)
     return idle[rows]
@@ -736,7 +736,22 @@ def saturation_of(robot: Robot, log: Log) -> FloatArray:
 def clipped_from(log: Log) -> FloatArray:
     """Sizes (m,) from which the forces of a log are clipped; infinite where they are not."""
     found = np.full(len(log.joints), np.inf)
-    for k, joint in enumerate(log.joints):
+    for k, (size, count) in _clipped(log).items():
+        found[k] = size
+        warn(
+            f"{log.name}: the force of {log.joints[k]} stays at {size:.4g} N or N m, its largest, "
+            f"in {count} samples of its motion: clipped, so it counts as saturated there "
+            "('saturation' in a mapping, or of Log.from_arrays, overrides this)",
+            DataWarning,
+        )
+    return found
+
+
+@derived
+def _clipped(log: Log) -> dict[int, tuple[float, int]]:
+    """Motors whose forces are clipped: from which size on, and in how many samples of a motion."""
+    found = {}
+    for k in range(len(log.joints)):
         moving = np.append(np.diff(log.position[:, k]) != 0, False)
         size = np.abs(log.force[moving, k])
         largest = size.max(initial=0.0)
@@ -746,13 +761,7 @@ def clipped_from(log: Log) -> FloatArray:
         _, counts = np.unique(np.round(near / EQUAL), return_counts=True)
         count = int(counts[-1])
         if count > max(CLIPPED, PILE * counts[:-1].max(initial=0)):
-            found[k] = largest
-            warn(
-                f"{log.name}: the force of {joint} stays at {largest:.4g} N or N m, its largest, "
-                f"in {count} samples of its motion: clipped, so it counts as saturated there "
-                "('saturation' in a mapping, or of Log.from_arrays, overrides this)",
-                DataWarning,
-            )
+            found[k] = largest, count
     return found
 
 
@@ -766,6 +775,8 @@ def near_saturation(log: Log, limits: FloatArray, lowpass: LowPass | None) -> Bo
 
 def _within_reach(flags: BoolArray, reach: int) -> BoolArray:
     """Samples (N, m) at most this many steps from one with a flag."""
+    if not flags.any():
+        return flags
     before = np.concatenate([np.zeros((1, flags.shape[1]), np.int64), np.cumsum(flags, axis=0)])
     first = np.arange(len(flags)) - reach
     last = np.minimum(first + 2 * reach + 1, len(flags))

@@ -111,7 +111,8 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
     """The verdict as it is seen."""
     tone, told, sure = TONES[judged.forces], found.identifiability, judged.mistake is None
     (ratio, spread), mistakes = root(*judged.ratio), len(found.mistakes)
-    change, more = f"{100 * (ratio - 1):+.0f} %".replace("-", "−"), f"± {number(100 * spread, 1)} %"
+    change = f"{100 * (ratio - 1):+.0f} %".replace("-", "−")
+    more = f"± {number(100 * spread, 1)} %" if spread > 1e-4 else ""  # no errors of round-off
     use = judged.use.removeprefix(NOT_FIT).removeprefix("Fit").removeprefix(" for rough")
     error = f"of its force: largest error on new data ({judged.motor}{WHERE[judged.where]})"
     better, of_all = "combinations known better than by the robot file", told.structural_rank

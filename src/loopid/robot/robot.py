@@ -405,7 +405,7 @@ class Robot:
         following = (name for joints in coupled for name in joints - moving or joints)
         return frozenset(following) - {*self.independent}
 
-    @property
+    @cached_property
     def floating(self) -> tuple[str, ...]:
         """Joints of floating bases."""
         kind = "JointModelFreeFlyer"
@@ -413,7 +413,7 @@ class Robot:
 
     # Which coordinates determine the motion.
 
-    @property
+    @cached_property
     def independent(self) -> tuple[str, ...]:
         """Coordinates that determine the motion, in the order of the projected rows.
 
@@ -422,12 +422,12 @@ class Robot:
         driven = self.coordinates_of(self.actuated)
         return (*(name for name in driven if name not in self.redundant), *self.free)
 
-    @property
+    @cached_property
     def measured(self) -> tuple[str, ...]:
         """Independent coordinates that are joints of their own: enough to know where it is."""
         return tuple(name for name in self.independent if name in self.joints)
 
-    @property
+    @cached_property
     def unmeasured(self) -> tuple[str, ...]:
         """The other independent coordinates, parts of joints: rod spins, floating bases."""
         return tuple(name for name in self.independent if name not in self.joints)
