@@ -258,7 +258,7 @@ LAWS = (
 def _coupling(other: str) -> _Law:
     return _Law(
         f"follows the motion of {other}",
-        "look for a gear, a belt, or a cross-talk of their sensors",
+        "look for a gear, a belt, a differential (joint_maps), or cross-talk of sensors",
         lambda its, _: [np.sign(its.rate), its.rate, its.acceleration],
         other=other,
     )

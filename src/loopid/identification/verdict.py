@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -39,6 +39,9 @@ AROUND = 0.1  # in s, that are left out beside a short time in which errors stan
 # Error on a motor's own data as a part of that on new data. A model that lacks something errs on
 # both; below this, the data are too few for it.
 TOO_FEW = 0.1
+MOST = (
+    0.5  # part of the samples in motion whose forces are the same, from which on steps are coarse
+)
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
 # What a fit is fit for, in words.
 NOT_FIT, ROUGHLY = "Not fit for use", "Fit for rough predictions of forces"
@@ -494,10 +497,13 @@ def _findings(found: Outcome) -> Iterator[Finding | None]:
 
 def _wrong(found: Outcome) -> list[Finding]:
     """What another motion does not mend, the likeliest cause first."""
-    other, others = found.log_difference, (_better(found), _unexplained(found))
+    other, coarse = found.log_difference, _coarse(found)
+    worst = found.new.actuators[found.unseen.worst[1]]
+    others = (_better(found), None if worst in coarse else _unexplained(found))
     change = found.load_change if other is None else None
     turns = found.fit.turning and (any(others) or found.force_model.free_friction)
     said = (
+        _of_coarse(coarse),
         _of_single_moves(found),
         _passing(found),
         None if other is None else other.finding(),
@@ -506,6 +512,34 @@ def _wrong(found: Outcome) -> list[Finding]:
         *others,
     )
     return [each for each in said if each is not None]
+
+
+def _coarse(found: Outcome) -> dict[str, float]:
+    """Motors whose logged force has one value in most samples in motion: in which part of them."""
+    said = dict[str, float]()
+    for run in found.training:
+        if run.log is None:
+            continue
+        rows = np.searchsorted(run.log.time, run.motion.time).clip(max=len(run.log) - 1)
+        for motor, used in zip(run.actuators, run.used.T, strict=True):
+            if motor in run.log.joints and used.any():
+                force = run.log.force[rows[used], run.log.joints.index(motor)]
+                part = np.unique(force, return_counts=True)[1].max() / len(force)
+                said |= {motor: max(part, said.get(motor, 0.0))} if part > MOST else {}
+    return said
+
+
+def _of_coarse(coarse: Mapping[str, float]) -> Finding | None:
+    """What forces in coarse steps cannot say."""
+    if not coarse:
+        return None
+    return Finding(
+        "warning",
+        f"the force of {first_of([*coarse], NAMED)} comes in coarse steps",
+        f"it has one value in {number(100 * max(coarse.values()), 2)} % of the samples in which "
+        "the motor moves: what it has beside that is not known",
+        "log it in finer steps, or name another column as 'force' in a mapping",
+    )
 
 
 def _passing(found: Outcome) -> Finding | None:

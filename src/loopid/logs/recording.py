@@ -321,13 +321,16 @@ class Recording(Tabular):
 
     @property
     def resting(self) -> FloatArray:
-        """Part (N, dof) that each motor stands or turns back in, as far as the filter mixes it."""
+        """Part (N, dof) that each motor stands or turns back in, as far as the filter mixes it.
+
+        All of it where its force is not used: what the filter makes of a standstill is larger.
+        """
         history, found = self.history, (self.motion.velocities == 0).astype(np.float64)
         for joint, column in zip(self.actuators, found.T, strict=True):
             if history is not None and joint in history.joints:
                 own = history.joints.index(joint)
                 column[:] = history.lowpassed(history.idle[:, own].astype(np.float64))
-        return np.asarray(np.clip(found, 0.0, 1.0))
+        return np.where(self.used, np.clip(found, 0.0, 1.0), 1.0)
 
     def idle_speed(self, joint: str) -> float:
         """Speed of a motor up to which it stands or turns back; 0 where that is not known."""
