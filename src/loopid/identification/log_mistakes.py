@@ -29,6 +29,7 @@ from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, KNOWN, ZERO_OFF, Motors, called
 from loopid.identification.own_gains import OwnGains, own_gains
+from loopid.logs.checks import without_signs
 from loopid.logs.preparing import NEAR_SINGULAR, in_motion_band
 from loopid.logs.recording import Recording
 from loopid.numbers import NORMAL_95, number
@@ -150,11 +151,15 @@ def log_faults(
             recordings = _clear_of_singular(recordings)
             if not recordings:
                 return nothing
+        terms = parted(joint_terms)[0]
+        sizes = _without_signs(robot, recordings, terms)
+        if sizes is not None:  # of sizes all else would be wrong
+            return replace(nothing, mistakes=(sizes, *held))
         late = late_by_seconds(robot, recordings)
         if late is not None:  # all else would be judged with forces of other positions
             return replace(nothing, mistakes=(late, *held))
         # Terms of groups follow the past or how fast a joint is: undone mistakes do not scale them.
-        model = Evidence(robot, recordings, parted(joint_terms)[0])
+        model = Evidence(robot, recordings, terms)
         if not model.present:
             return nothing
         mistakes, finds, found, _ = _mistakes(model)
@@ -197,6 +202,25 @@ def singular_poses(recordings: Sequence[Recording]) -> Finding | None:
         "the motion passes singular poses",
         f"{why}; {lost[0]} were left out" if lost else why,
         "record a motion that keeps away from these poses, as loopid excite designs",
+    )
+
+
+def _without_signs(
+    robot: Robot, recordings: Sequence[Recording], terms: JointTerms | None
+) -> Finding | None:
+    """Forces that look like sizes without their signs, and that the robot file does not explain."""
+    log = recordings[0].log
+    why = "" if log is None else without_signs([*zip(log.joints, log.force.T, strict=True)])
+    if not why:
+        return None
+    model = Evidence(robot, recordings, terms)
+    if not (model.present and model.strange(model.weighed(model.recorded), model.present)):
+        return None
+    return Finding(
+        "mistake",
+        "forces are sizes without their signs",
+        why,
+        "name columns that have signs as 'force' in a mapping, or log them so",
     )
 
 

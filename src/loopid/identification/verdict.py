@@ -22,6 +22,7 @@ from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS, WHOLE_FOR
 from loopid.identification.quality import Ripples
 from loopid.identification.result import Fit
 from loopid.logs.preparing import encoder_faults
+from loopid.logs.recording import silent_motors
 from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -333,21 +334,23 @@ def _noisy(found: Outcome) -> tuple[str, float] | None:
 
 def _standing(found: Outcome) -> tuple[str, ...]:
     """Motors that never move in the data."""
-    return tuple(name for name, silent in _unused(found).items() if not silent)
+    silent = _silent(found)
+    if silent and found.force_model.robot.redundant:
+        return ()  # what is left out is so by these
+    return tuple(name for name in _unused(found) if name not in silent)
 
 
 def _silent(found: Outcome) -> tuple[str, ...]:
     """Motors whose force is zero all along."""
-    return tuple(name for name, silent in _unused(found).items() if silent)
+    motors = found.force_model.robot.actuated
+    return tuple(name for name in silent_motors(found.training) if name in motors)
 
 
-def _unused(found: Outcome) -> dict[str, bool]:
-    """Motors of which no sample is used, and whether their force is zero all along."""
+def _unused(found: Outcome) -> tuple[str, ...]:
+    """Motors of which no sample is used."""
     data, motors = found.data, found.force_model.robot.actuated
-    columns = zip(data.actuators, data.used.T, data.force.T, strict=True)
-    return {
-        name: not force.any() for name, used, force in columns if name in motors and not used.any()
-    }
+    columns = zip(data.actuators, data.used.T, strict=True)
+    return tuple(name for name, used in columns if name in motors and not used.any())
 
 
 def _of_silent(found: Outcome) -> Finding | None:
@@ -355,10 +358,13 @@ def _of_silent(found: Outcome) -> Finding | None:
     silent = _silent(found)
     if not silent:
         return None
+    others = [name for name in _unused(found) if name not in silent]
+    also = f"; so are the forces of {first_of(others, NAMED)}, as it adds to them" * bool(others)
     return Finding(
         "warning",
         f"the force of {first_of(silent, NAMED)} is zero all along",
-        "it is left out: nothing is known of its friction, nor of bodies that it alone carries",
+        "it is left out: nothing is known of its friction, nor of bodies that it alone carries"
+        f"{also}",
         "name the column that has it as 'force' in a mapping",
     )
 

@@ -94,6 +94,18 @@ def reach_of(lowpass: LowPass | None, rate: float) -> int:
     return int(np.ceil(REACH * max(lowpass.order, 2) / 2 * rate / lowpass.cutoff))
 
 
+def silent_motors(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Motors whose force is zero in all rows of all recordings, as never recorded."""
+    silent = dict[str, bool]()
+    for run in recordings:
+        names, force = run.actuators, run.motor_force
+        if run.log is not None:
+            names, force = run.log.joints, run.log.force
+        for name, own in zip(names, force.T, strict=True):
+            silent[name] = silent.get(name, True) and not own.any()
+    return tuple(name for name, own in silent.items() if own)
+
+
 def least_logged(robot: Robot) -> float:
     """Singularity measure that samples of logs keep, where nothing else is said."""
     least = LOGGED * least_measure(robot)
