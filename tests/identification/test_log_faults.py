@@ -599,7 +599,8 @@ def test_a_gain_of_all_motors_has_bodies_as_heavy_as_the_file_on_average(tmp_pat
 @pytest.mark.parametrize(("after", "worth"), [((31.0, 8.0), False), ((31.0, 5.0), True)])
 def test_inertia_is_missing_where_a_motor_lacks_it(after, worth):
     before, after = (
-        Explanation(None, 0.0, None, np.array(error), None, None) for error in ((32.0, 9.0), after)
+        Explanation(None, 0.0, None, np.array(error), *(None,) * 3)
+        for error in ((32.0, 9.0), after)
     )
     found = _Find("factor", (0, 1), after=after, evidence=4.0, size=0.004, reach=0.43)
     assert found.worth(before) == worth
@@ -670,3 +671,14 @@ def test_logs_of_one_name_are_told_apart_and_parts_of_a_log_are_not(load_once):
     assert mistake.title == "log 2: the force of all motors has the wrong sign"
     (parts,) = recordings_of(robot, [*loopid.prepare(robot, log).split(0.5)])
     assert {each.name for each in parts} == {log.name}
+
+
+def test_of_sizes_without_signs_nothing_else_is_said_unless_they_are_explained(load_once):
+    robot = load_once("five_bar")
+    run = record(robot, wander(robot, 0, seconds=10.0, rate=50.0), noise=0.01)
+    bounce = np.abs(np.sin(4 * run.motion.time))[:, None] * np.ones(2)
+    log = unchecked(run.motion.time, run.motion.velocities, bounce, robot.actuated)
+    (said,) = log_faults(robot, [replace(run, log=log, force=bounce)]).mistakes
+    assert said.title == "forces are sizes without their signs"
+    assert on_the_page(said.title)
+    assert log_faults(robot, [replace(run, log=log)]).mistakes == ()

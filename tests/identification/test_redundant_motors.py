@@ -9,6 +9,7 @@ import pytest
 
 import loopid
 from loopid import JointTerms
+from loopid.errors import DataError
 from loopid.identification import identify
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.verdict import _doubtful
@@ -179,3 +180,20 @@ def test_parameters_are_not_praised_where_an_encoder_is_not_where_the_loops_put_
     said = [[each for each in one.findings if "redundant" in each.title] for one in (found, other)]
     assert not said[0]
     assert {(each.severity, each.do) for each in said[1]} == {("warning", WRONG_SIGN)}
+
+
+@pytest.mark.parametrize("motor", ["left_joint", "left_elbow"])
+def test_a_motor_without_force_spoils_the_rows_that_it_acts_on_and_does_move(robot, motion, motor):
+    terms = JointTerms(robot.actuated)
+    exact = loopid.simulate(robot, motion, joint_terms=terms, joint_values=FRICTION)
+    silent = np.array([name == motor for name in robot.actuated])
+    force = np.where(silent, 0.0, exact.force)
+    log = Log.from_arrays(exact.time, exact.position, force, robot.actuated)
+    if motor == "left_elbow":  # it works with both others
+        with pytest.raises(DataError, match=r"as that of left_elbow, which works with the other"):
+            quietly(identify, robot, log)
+        return
+    found = quietly(identify, robot, log)
+    said = [each.title for each in found.findings]
+    assert f"the force of {motor} is zero all along" in said
+    assert not any("never moves" in title for title in said)

@@ -330,6 +330,25 @@ def test_findings_are_two_lines_at_most_the_most_important_first(identified, wro
         assert len(f"{each.severity}: {each.brief}") <= 2 * 80
 
 
+@pytest.mark.parametrize("steps", [1, 20])
+def test_a_force_in_coarse_steps_is_named_and_no_cause_in_the_robot(robot, steps):
+    """Nine of ten samples below a step are 0; of 20 steps none says so."""
+    log = loopid.read_log("urdf/logs/five_bar.csv", robot)
+    step, force = np.percentile(np.abs(log.force[:, 1]), 90) / steps, log.force.copy()
+    force[:, 1] = step * np.trunc(force[:, 1] / step)
+    coarse = replace(log, force=force)
+    found = quietly(identify, robot, coarse, options=FitOptions(undo_delay=False))
+    said = [each for each in found.findings if "coarse steps" in each.title]
+    assert len(said) == (steps == 1)
+    for each in said:
+        assert robot.actuated[1] in each.title
+        assert each.do == found.verdict.improvement
+        part = float(each.why.split(" % of the samples")[0].split()[-1])
+        assert 85 < part <= 100
+        causes = [one for one in found.findings if "not explained" in one.title]
+        assert not any(robot.actuated[1] in one.title for one in causes)
+
+
 @pytest.mark.parametrize("model", few_of(["gravity", "full"], "full"))
 def test_a_log_of_a_standstill_is_fit_for_nothing(robot, model, tmp_path):
     """However small its errors are beside the weight that the motors hold all along."""

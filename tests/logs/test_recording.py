@@ -199,6 +199,10 @@ def test_a_motor_that_turns_back_stands_for_as_long_as_it_is_slow(knee, log):
     assert not turning.used[np.abs(phase - np.round(phase)) < 0.01].any()
     still = np.abs(resting.motion.time - log.time[0] - 3.25) < 0.9
     assert not resting.used[still].any()
+    for found in (turning, resting):  # friction there may be anything, however the filter mixes it
+        assert (found.resting[~found.used] == 1).all()
+        assert ((found.resting >= 0) & (found.resting <= 1)).all()
+        assert (found.resting[found.used] < 0.5).mean() > 0.9
 
 
 def test_saturated_samples_are_masked_with_their_neighbours(knee, log, truth):

@@ -86,6 +86,7 @@ class Explanation(NamedTuple):
     error: FloatArray  # (d,), in the root mean square
     shape: FloatArray  # (d,), of the forces less friction and inertia of the drive
     carried: FloatArray  # (d,), of the forces by the bodies
+    drives: BoolArray  # (d,), whether friction would give energy, and does not count
 
 
 class _Table(NamedTuple):
@@ -321,22 +322,11 @@ class Evidence:
 
     def _explained(self, undone: Sequence[Undone], missing: tuple[int, ...]) -> list[Explanation]:
         """The same of some, whose tables are known, beside the same rivals."""
-        weight = self._weights(missing)
-        kept = np.flatnonzero(weight)
-        n, weight, both = len(kept) - 2, weight[kept], kept[:, None]
-        gain = np.array([one.gain for one in undone])
-        whole = [self._products(_pose(one), one.time) for one in undone]
-        products = np.stack([each[:, both, kept] for each in whole]) * np.outer(weight, weight)
-        products[:, :, -1] /= gain[:, :, None]
-        products[:, :, :, -1] /= gain[:, :, None]
-        shape = np.sqrt(products[:, :, -1, -1])
-        gain, size = np.abs(gain), self.sizes(undone)
+        kept, products, (columns, power, ends) = self._scaled(undone, missing)
+        n, gain = len(kept) - 2, np.abs([one.gain for one in undone])
+        shape, size = np.sqrt(products[:, :, -1, -1]), self.sizes(undone)
         least = MODEL_ERROR * size + TINY
-        error = np.maximum(np.sqrt(products[:, :, -1, -1]), least)
-        friction = [self._friction(_pose(one), one.time) for one in undone]
-        columns, power, ends = (np.stack(one) for one in zip(*friction, strict=True))
-        columns = columns[..., kept] * weight
-        columns[..., -1] /= np.array([one.gain for one in undone])[:, :, None]
+        error = np.maximum(shape, least)
         without = np.zeros(gain.shape, dtype=bool)  # motors whose friction does not count
         for _ in range(ITERATIONS):
             flat = products.reshape(*gain.shape, -1)
@@ -364,7 +354,48 @@ class Evidence:
         bodies = z[:, None] * self._of_bodies[kept]
         carried = ((products @ bodies[..., None])[..., 0] * bodies).sum(axis=2)
         carried = np.sqrt(np.maximum(carried, 0.0))
-        return list(map(Explanation, undone, (-lost).tolist(), values, error, shape, carried))
+        found = undone, (-lost).tolist(), values, error, shape, carried, without
+        return list(map(Explanation, *found))
+
+    def _scaled(
+        self, undone: Sequence[Undone], missing: tuple[int, ...]
+    ) -> tuple[IntArray, FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
+        """Which columns count, their products and friction, with forces divided by the gains."""
+        weight = self._weights(missing)
+        kept = np.flatnonzero(weight)
+        weight, both = weight[kept], kept[:, None]
+        gain = np.array([one.gain for one in undone])[:, :, None]
+        whole = [self._products(_pose(one), one.time) for one in undone]
+        products = np.stack([each[:, both, kept] for each in whole]) * np.outer(weight, weight)
+        products[:, :, -1] /= gain
+        products[:, :, :, -1] /= gain
+        friction = [self._friction(_pose(one), one.time) for one in undone]
+        columns, power, ends = (np.stack(one) for one in zip(*friction, strict=True))
+        columns = columns[..., kept] * weight
+        columns[..., -1] /= gain
+        return kept, products, (columns, power, ends)
+
+    def file_gains(self, undone: Undone) -> FloatArray:
+        """Forces (d,) over those of the robot file's bodies, by least squares."""
+        _, (products,), _ = self._scaled([undone], ())
+        return np.asarray(products[:, -1, -2] / np.maximum(products[:, -2, -2], TINY))
+
+    def gain_slopes(self, found: Explanation) -> tuple[FloatArray, FloatArray]:
+        """Slopes (d,) and bends (d, d) of the evidence over logarithms of the motors' gains.
+
+        Bodies follow; what the size of the errors does to their intervals is left out.
+        """
+        kept, (products,), ((columns,), *_) = self._scaled([found.undone], found.undone.missing)
+        given = columns[found.drives]
+        products[found.drives] += given.swapaxes(1, 2) @ given
+        n, weight = len(kept) - 2, self.independent / found.error**2
+        x = np.append(found.values[kept[:-2]], 1.0)
+        H = np.eye(n) + np.tensordot(weight, products[:, :n, :n], 1)
+        sums = products[:, :, :-1] @ x  # of all columns and what is predicted
+        size, measured = weight * (sums[:, :-1] @ x), weight * sums[:, -1]
+        beside = weight[:, None] * sums[:, :n]
+        bends = beside @ np.linalg.solve(H, beside.T) - np.diag(size)
+        return measured - size, bends
 
     @property
     def _count(self) -> int:

@@ -28,6 +28,8 @@ from loopid.identification.evidence import STRANGE, Evidence, Explanation, Undon
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, KNOWN, ZERO_OFF, Motors, called
+from loopid.identification.own_gains import OwnGains, own_gains
+from loopid.logs.checks import without_signs
 from loopid.logs.preparing import NEAR_SINGULAR, in_motion_band
 from loopid.logs.recording import Recording
 from loopid.numbers import NORMAL_95, number
@@ -149,14 +151,18 @@ def log_faults(
             recordings = _clear_of_singular(recordings)
             if not recordings:
                 return nothing
+        terms = parted(joint_terms)[0]
+        sizes = _without_signs(robot, recordings, terms)
+        if sizes is not None:  # of sizes all else would be wrong
+            return replace(nothing, mistakes=(sizes, *held))
         late = late_by_seconds(robot, recordings)
         if late is not None:  # all else would be judged with forces of other positions
             return replace(nothing, mistakes=(late, *held))
         # Terms of groups follow the past or how fast a joint is: undone mistakes do not scale them.
-        model = Evidence(robot, recordings, parted(joint_terms)[0])
+        model = Evidence(robot, recordings, terms)
         if not model.present:
             return nothing
-        mistakes, finds, found = _mistakes(model)
+        mistakes, finds, found, _ = _mistakes(model)
     gains = [find.gain(model.names) for find in finds if find.kind == "gain"]
     # Friction alone explains the forces of a motor whose gain may as well be 0.
     some = (one for one in gains if np.prod(one.interval) > 0)
@@ -199,6 +205,25 @@ def singular_poses(recordings: Sequence[Recording]) -> Finding | None:
     )
 
 
+def _without_signs(
+    robot: Robot, recordings: Sequence[Recording], terms: JointTerms | None
+) -> Finding | None:
+    """Forces that look like sizes without their signs, and that the robot file does not explain."""
+    log = recordings[0].log
+    why = "" if log is None else without_signs([*zip(log.joints, log.force.T, strict=True)])
+    if not why:
+        return None
+    model = Evidence(robot, recordings, terms)
+    if not (model.present and model.strange(model.weighed(model.recorded), model.present)):
+        return None
+    return Finding(
+        "mistake",
+        "forces are sizes without their signs",
+        why,
+        "name columns that have signs as 'force' in a mapping, or log them so",
+    )
+
+
 def _clear_of_singular(recordings: Sequence[Recording]) -> list[Recording]:
     """Samples away from singular poses, and from what the filter spreads of the forces there."""
     median = float(np.median(np.concatenate([run.motion.singularity for run in recordings])))
@@ -220,33 +245,57 @@ def _raw_force(run: Recording) -> FloatArray:
     return np.nan_to_num(run.motor_force if run.log is None else run.log.force)
 
 
-def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]:
-    """Mistakes one after the other, all that was looked at then, and the log without them.
+class _Mistakes(NamedTuple):
+    """Mistakes of a log, all that was looked at last, and the log without them."""
 
-    Where one spoils all else, as a robot that was moved by hand, it is alone.
+    findings: list[Finding]
+    finds: list[_Find]
+    found: Explanation
+    undone: list[_Find]
+
+    @property
+    def evidence(self) -> float:
+        """Less what is lost by all choices."""
+        return self.found.evidence - sum(one.lost for one in self.undone)
+
+
+def _mistakes(model: Evidence, *, together: bool = True) -> _Mistakes:
+    """Mistakes one after the other.
+
+    Where one spoils all else, as a robot that was moved by hand, it is alone. Gains of several
+    motors ``together`` are one mistake, where these one after the other do not explain as much.
     """
     found, undone, mistakes = model.weighed(model.recorded), list[_Find](), list[Finding]()
     while True:
         finds = _finds(model, found, assembled=False)
+        finds += _of_own_gains(model, found) if together else []
         clear = _clear(model, finds, found, undone)
         # Forces that do not move the robot: what else they say is of no use.
         if not undone and _moved_by_hand(model, found, clear):
-            return [BY_HAND], [], found
-        if model.strange(clear[0].after if clear else found, model.present):
+            return _Mistakes([BY_HAND], [], found, [])
+        own = bool(clear) and clear[0].own is not None  # as of positions that are wrong
+        if own or model.strange(clear[0].after if clear else found, model.present):
             finds += _finds(model, found, assembled=True)
             clear = _clear(model, finds, found, undone)
             turned = None if undone else _turned(model, found, clear)
             if turned is not None:  # all else would be judged with other bodies
-                return [turned], [], found
+                return _Mistakes([turned], [], found, [])
         if not clear or len(undone) == ROUNDS:
             break
+        if clear[0].own is not None:
+            others = _mistakes(model, together=False)
+            (after,) = model.explained([clear[0].after.undone])
+            if others.findings and others.evidence >= after.evidence - clear[0].lost:
+                return others
+            together = False
+            found = model.weighed(found.undone)
         mistakes.append(_finding(model, clear, found, finds))
         undone.append(clear[0])
         found = model.weighed(clear[0].mended(found.undone))
     # Of forces that follow another motion some look like a mistake.
     if mistakes and not model.explains(found, model.present, SHAPE, whole=False):
         mistakes.clear()
-    return mistakes, finds, found
+    return _Mistakes(mistakes, finds, found, undone)
 
 
 def log_faults_by_log(
@@ -281,9 +330,13 @@ class _Find(NamedTuple):
     evidence: float  # less what is lost by a choice of size and motor
     size: float = 1.0
     reach: float = 0.0  # half of the 95 % interval
+    own: OwnGains | None = None  # where each motor has a size of its own
+    lost: float = 0.0
 
     def worth(self, found: Explanation) -> bool:
         """Whether a size is known and not as good as none; or errors of all its motors fall."""
+        if self.own is not None:
+            return self.own.wrong > 1
         if not KINDS[self.kind].sizes:
             worse = self.after.error > BETTER * found.error
             return not worse[list(self.motors)].any()
@@ -318,17 +371,24 @@ class _Find(NamedTuple):
             return SMALL_SHAPE
         # Of a gain, no missing force looks alike where people have a cause for its size.
         caused = kind.fields != ("gain",) or kind.cause(self.size, self.reach) is not None
+        if self.own is not None:
+            caused = bool((self.own.gains < 0).any())
         return SHAPE if caused else FACTOR_SHAPE
 
     def mended(self, undone: Undone) -> Undone:
         """With the mistake undone, too, as it is advised: exactly by a cause."""
         kind = KINDS[self.kind]
+        if self.own is not None:
+            for k in self.motors:
+                undone = kind.undone(undone, (k,), 1 / float(f"{1 / self.own.gains[k]:.3g}"))
+            return undone
         cause = kind.cause(self.size, self.reach)
         return kind.undone(undone, self.motors, self.size if cause is None else cause[0])
 
     def finding(self, model: Evidence, found: Explanation) -> Finding:
         """In words, against how the log was explained before."""
-        said = called(self.kind, self.motors, self.size, self.reach, model=model, found=found)
+        sizes = self.size, self.reach
+        said = called(self.kind, self.motors, *sizes, model=model, found=found, own=self.own)
         after, before = (
             100 * one.error / model.sizes([one.undone])[0] for one in (self.after, found)
         )
@@ -360,6 +420,8 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
     """
     first, tried = model.of_few() if assembled else model, list[list[Tried]]()
     for name, kind in KINDS.items():
+        if kind.alone:
+            continue
         count = kind.motors or len(model.present)
         of_one = kind.motors == 0 and count == 1 and kind.fields != ("time",)  # as another kind is
         if kind.assembled != assembled or of_one:
@@ -378,6 +440,16 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
     sized = _sized(first, found, [one for *_, one in likely if KINDS[one[0]].sizes])
     sized = [(_as_heavy(first, found, one), deviation) for one, deviation in sized]
     return _closely(model, found, [*sized, *plain])
+
+
+def _of_own_gains(model: Evidence, found: Explanation) -> list[_Find]:
+    """Gains of several motors at once, where these explain the forces better."""
+    own = own_gains(model, found) if model.strange(found, model.present) else None
+    if own is None or (own.gains[model.present] == -1).all():  # that is another kind
+        return []
+    lost = own.lost + log(len(KINDS))
+    evidence = own.after.evidence - lost
+    return [_Find("own gains", own.motors, own.after, evidence, own=own, lost=lost)]
 
 
 def _undone(found: Explanation, tried: Sequence[Tried]) -> list[Undone]:
@@ -453,7 +525,7 @@ def _closely(
             if kind.cause(size, reach):
                 lost = min(lost, log(len(kind.causes)))
         evidence = explained.evidence - chosen - lost
-        finds.append(_Find(name, motors, explained, evidence, size, reach))
+        finds.append(_Find(name, motors, explained, evidence, size, reach, lost=chosen + lost))
     return finds
 
 
@@ -467,6 +539,7 @@ def _clear(
     clear = list[_Find]()
     for find in finds:
         again = any((find.kind, find.motors) == (one.kind, one.motors) for one in undone)
+        again |= KINDS[find.kind].fields == ("gain",) and any(one.own for one in undone)
         worth = find.worth(found) and model.near(find.after, found)
         worth &= model.explains(find.after, find.motors, find.shape, whole=find.kind == "sign")
         if worth and not again and find.evidence - found.evidence >= EVIDENCE:

@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from loopid.arguments import FloatArray
+from loopid.errors import first_of
 from loopid.identification.evidence import Evidence, Explanation, Undone
+from loopid.identification.own_gains import OwnGains
 
 # Half of the 95 % interval at most, as a part of the size: a size that is not known is none.
 KNOWN = 0.5
@@ -42,6 +44,7 @@ class MistakeKind(NamedTuple):
     # Sizes that mistakes often have, and what a log does not show that may as well have them.
     usual: tuple[float, ...] = ()
     hidden: str = ""
+    alone: bool = False  # each motor has a size of its own, that own_gains.py finds
 
     def undone(self, undone: Undone, motors: Motors, size: float) -> Undone:
         """With a mistake of some motors undone, too."""
@@ -109,6 +112,8 @@ class _Mistaken(NamedTuple):
     scales: dict[str, float]  # of forces now, by motor
     rate: float | None  # of the log in Hz
     alone: bool  # whether the robot has no other motor
+    own: OwnGains | None  # sizes of its motors, where each has its own
+    unknown: tuple[str, ...]  # motors whose own sizes do not show
 
     @property
     def listed(self) -> str:
@@ -121,22 +126,36 @@ class _Mistaken(NamedTuple):
 
     @property
     def sized(self) -> str:
+        if self.own is not None:
+            return self._sized_alone(self.own)
         if not self.reach:
             return ""
         return f"{self.size:.3g} ± {self.reach:.2g} times as much as expected; "
 
+    def _sized_alone(self, own: OwnGains) -> str:
+        said = list[str]()
+        for name, k in zip(self.names, own.motors, strict=True):
+            size, reach = own.gains[k], own.reach[k]
+            known = f" ± {abs(size) * reach:.2g}" * bool(0 < reach < inf)
+            said.append(f"{name} {'about ' * bool(reach == inf)}{size:.3g}{known}")
+        of = f"; that of {first_of(self.unknown, 1)} does not show" * bool(self.unknown)
+        return f"{', '.join(said)} times as much as expected{of}; "
+
     def scale(self, key: str, scales: dict[str, float]) -> str:
-        """What to set so that values, now times scales, are divided by the factor."""
-        undo, motors = 1 / self.factor, self.names or (*scales,)
+        """What to set so that values, now times scales, are divided by the factors."""
+        motors = self.names or (*scales,)
+        undo = dict.fromkeys(motors, 1 / self.factor)
+        if self.own is not None:
+            undo = dict(zip(motors, 1 / self.own.gains[list(self.own.motors)], strict=True))
         if self.cause is None:
-            undo = float(f"{undo:.3g}")
+            undo = {name: float(f"{x:.3g}") for name, x in undo.items()}
         now = {name: scales.get(name, 1.0) for name in (*scales, *motors)}
-        found = {name: x * undo if name in motors else x for name, x in now.items()}
+        found = {name: x * undo.get(name, 1.0) for name, x in now.items()}
         if set(now.values()) <= {1.0}:
-            found = dict.fromkeys(motors, undo)
+            found = undo
         given = "{" + ", ".join(f"{name}: {x:.7g}" for name, x in found.items()) + "}"
         if not self.names and len(set(found.values())) <= 1:
-            given = f"{next(iter(found.values()), undo):.7g}"
+            given = f"{next(iter(found.values()), 1 / self.factor):.7g}"
         return f"set {key}: {given} in the mapping"
 
 
@@ -149,6 +168,17 @@ def _force(one: _Mistaken) -> Called:
     if one.alone and one.cause == (-1.0, WRONG_SIGN):  # turned positions look alike
         do += f", or position_scale: {{{one.listed}: -1}} where it is its position that is turned"
     return _scaled(one, f"the force of {one.listed}", "has", "is", "its", do)
+
+
+def _own(one: _Mistaken) -> Called:
+    own, do = one.own, one.scale("force_scale", one.scales)
+    assert own is not None
+    if (own.gains[list(own.motors)] == -1).all():
+        return Called(f"forces of {first_of(one.names, 1)} have the {WRONG_SIGN}", "", do)
+    if own.relative:
+        do += ", times one number for all where the file's masses are off alike"
+    title = f"forces of {first_of(one.names, 1)} have gains of their own"
+    return Called(title, one.sized, do)
 
 
 def _position(one: _Mistaken) -> Called:
@@ -228,6 +258,7 @@ KINDS = {
     # Of a motor whose bodies hardly determine its gain, by friction that would give energy.
     "sign": MistakeKind(("gain",), 1, _force, (), (-1.0,), FORCE_CAUSES),
     "common_gain": MistakeKind(("gain",), 0, _force, GAINS, BOTH, FORCE_CAUSES, 0.9, 4.0),
+    "own gains": MistakeKind(("gain",), 0, _own, alone=True),
     "factor": MistakeKind(
         *(("time",), 0, _time, TIMES, (1.0,), TIME_CAUSES),
         least=1.3,
@@ -252,26 +283,36 @@ KINDS = {
 
 
 def called(
-    kind: str, motors: Motors, size: float, reach: float, *, model: Evidence, found: Explanation
+    name: str,
+    motors: Motors,
+    size: float,
+    reach: float,
+    *,
+    model: Evidence,
+    found: Explanation,
+    own: OwnGains | None = None,
 ) -> Called:
     """What a mistake of motors at a size is called, with half of its 95 % interval.
 
     What is to be set undoes what was found before, too.
     """
-    own, log = KINDS[kind], model.log
+    kind, log = KINDS[name], model.log
     scales = {} if log is None else dict(log.force_scales)
-    for name, gain in zip(model.names, found.undone.gain, strict=True):
+    for motor, gain in zip(model.names, found.undone.gain, strict=True):
         if gain != 1:
-            scales[name] = scales.get(name, 1.0) / gain
-    return own.call(
+            scales[motor] = scales.get(motor, 1.0) / gain
+    hidden = () if own is None else np.flatnonzero((own.gains == 1) & (own.reach == inf)).tolist()
+    return kind.call(
         _Mistaken(
-            () if own.motors == 0 else tuple(model.names[k] for k in motors),
+            () if not (kind.motors or kind.alone) else tuple(model.names[k] for k in motors),
             size,
             reach,
-            own.cause(size, reach),
+            kind.cause(size, reach),
             *model.unit(motors[0]),
             scales,
             None if log is None else log.rate(max(log.parts(), key=lambda p: p.stop - p.start)),
             len(model.names) == 1,
+            own,
+            tuple(model.names[k] for k in hidden),
         )
     )

@@ -55,7 +55,7 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.quality import NoiseModel, fit_quality
 from loopid.identification.result import Fit, of_all
 from loopid.identification.terms import choose_terms, without_offset
-from loopid.logs.recording import Recording
+from loopid.logs.recording import Recording, silent_motors
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet
 from loopid.regressors.motion_regressors import force_parts
@@ -91,6 +91,13 @@ def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
         parts = force_parts(robot, *state).total[:, :driven]
         needed = max(needed, float(np.abs(parts).max(initial=0.0)))
     if not used.any():
+        silent = ", ".join(silent_motors(recordings) if robot.redundant else ())
+        if silent:
+            raise DataError(
+                f"no force of {names} can be used, as that of {silent}, which works with the other "
+                "motors, is zero all along: name the column that has it as 'force' in a mapping, "
+                "or leave it out of the motors of the robot"
+            )
         raise DataError(
             f"no force of {names} can be used, as all motors stand, are saturated or have a force "
             "of zero all along"

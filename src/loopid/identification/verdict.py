@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS, WHOLE_FOR
 from loopid.identification.quality import Ripples
 from loopid.identification.result import Fit
 from loopid.logs.preparing import encoder_faults
+from loopid.logs.recording import silent_motors
 from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -38,6 +39,9 @@ AROUND = 0.1  # in s, that are left out beside a short time in which errors stan
 # Error on a motor's own data as a part of that on new data. A model that lacks something errs on
 # both; below this, the data are too few for it.
 TOO_FEW = 0.1
+MOST = (
+    0.5  # part of the samples in motion whose forces are the same, from which on steps are coarse
+)
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
 # What a fit is fit for, in words.
 NOT_FIT, ROUGHLY = "Not fit for use", "Fit for rough predictions of forces"
@@ -330,21 +334,23 @@ def _noisy(found: Outcome) -> tuple[str, float] | None:
 
 def _standing(found: Outcome) -> tuple[str, ...]:
     """Motors that never move in the data."""
-    return tuple(name for name, silent in _unused(found).items() if not silent)
+    silent = _silent(found)
+    if silent and found.force_model.robot.redundant:
+        return ()  # what is left out is so by these
+    return tuple(name for name in _unused(found) if name not in silent)
 
 
 def _silent(found: Outcome) -> tuple[str, ...]:
     """Motors whose force is zero all along."""
-    return tuple(name for name, silent in _unused(found).items() if silent)
+    motors = found.force_model.robot.actuated
+    return tuple(name for name in silent_motors(found.training) if name in motors)
 
 
-def _unused(found: Outcome) -> dict[str, bool]:
-    """Motors of which no sample is used, and whether their force is zero all along."""
+def _unused(found: Outcome) -> tuple[str, ...]:
+    """Motors of which no sample is used."""
     data, motors = found.data, found.force_model.robot.actuated
-    columns = zip(data.actuators, data.used.T, data.force.T, strict=True)
-    return {
-        name: not force.any() for name, used, force in columns if name in motors and not used.any()
-    }
+    columns = zip(data.actuators, data.used.T, strict=True)
+    return tuple(name for name, used in columns if name in motors and not used.any())
 
 
 def _of_silent(found: Outcome) -> Finding | None:
@@ -352,10 +358,13 @@ def _of_silent(found: Outcome) -> Finding | None:
     silent = _silent(found)
     if not silent:
         return None
+    others = [name for name in _unused(found) if name not in silent]
+    also = f"; so are the forces of {first_of(others, NAMED)}, as it adds to them" * bool(others)
     return Finding(
         "warning",
         f"the force of {first_of(silent, NAMED)} is zero all along",
-        "it is left out: nothing is known of its friction, nor of bodies that it alone carries",
+        "it is left out: nothing is known of its friction, nor of bodies that it alone carries"
+        f"{also}",
         "name the column that has it as 'force' in a mapping",
     )
 
@@ -488,10 +497,13 @@ def _findings(found: Outcome) -> Iterator[Finding | None]:
 
 def _wrong(found: Outcome) -> list[Finding]:
     """What another motion does not mend, the likeliest cause first."""
-    other, others = found.log_difference, (_better(found), _unexplained(found))
+    other, coarse = found.log_difference, _coarse(found)
+    worst = found.new.actuators[found.unseen.worst[1]]
+    others = (_better(found), None if worst in coarse else _unexplained(found))
     change = found.load_change if other is None else None
     turns = found.fit.turning and (any(others) or found.force_model.free_friction)
     said = (
+        _of_coarse(coarse),
         _of_single_moves(found),
         _passing(found),
         None if other is None else other.finding(),
@@ -500,6 +512,34 @@ def _wrong(found: Outcome) -> list[Finding]:
         *others,
     )
     return [each for each in said if each is not None]
+
+
+def _coarse(found: Outcome) -> dict[str, float]:
+    """Motors whose logged force has one value in most samples in motion: in which part of them."""
+    said = dict[str, float]()
+    for run in found.training:
+        if run.log is None:
+            continue
+        rows = np.searchsorted(run.log.time, run.motion.time).clip(max=len(run.log) - 1)
+        for motor, used in zip(run.actuators, run.used.T, strict=True):
+            if motor in run.log.joints and used.any():
+                force = run.log.force[rows[used], run.log.joints.index(motor)]
+                part = np.unique(force, return_counts=True)[1].max() / len(force)
+                said |= {motor: max(part, said.get(motor, 0.0))} if part > MOST else {}
+    return said
+
+
+def _of_coarse(coarse: Mapping[str, float]) -> Finding | None:
+    """What forces in coarse steps cannot say."""
+    if not coarse:
+        return None
+    return Finding(
+        "warning",
+        f"the force of {first_of([*coarse], NAMED)} comes in coarse steps",
+        f"it has one value in {number(100 * max(coarse.values()), 2)} % of the samples in which "
+        "the motor moves: what it has beside that is not known",
+        "log it in finer steps, or name another column as 'force' in a mapping",
+    )
 
 
 def _passing(found: Outcome) -> Finding | None:

@@ -327,17 +327,26 @@ def check_moving(streams: Sequence[Stream]) -> None:
 
 
 def check_signs(streams: Sequence[Stream]) -> None:
-    """Warn of forces that are none, but their sizes: none is negative, and one bounces off zero."""
-    forces = [signal for stream in streams for signal in stream.signals("force")]
+    """Warn of forces that are none, but their sizes."""
+    found = without_signs([force for stream in streams for force in stream.signals("force")])
+    if found:
+        warn(f"{streams[0].source}: {found}: sizes without their signs?", DataWarning)
+
+
+def without_signs(forces: Sequence[tuple[str, FloatArray]]) -> str:
+    """Why forces (R,) of motors look like sizes: none is negative, and one bounces off zero.
+
+    Empty where they do not.
+    """
     if any(values.min() < 0 for _, values in forces):
-        return
+        return ""
     times, joint = max(((_bounces(values), joint) for joint, values in forces), default=(0, ""))
-    if times >= BOUNCES:
-        warn(
-            f"{streams[0].source}: no force is ever negative, though that of {joint} comes down to "
-            f"zero {times} times and turns there at once: sizes without their signs?",
-            DataWarning,
-        )
+    if times < BOUNCES:
+        return ""
+    return (
+        f"no force is ever negative, though that of {joint} comes down to zero {times} times and "
+        "turns there at once"
+    )
 
 
 def _bounces(values: FloatArray) -> int:

@@ -94,6 +94,18 @@ def reach_of(lowpass: LowPass | None, rate: float) -> int:
     return int(np.ceil(REACH * max(lowpass.order, 2) / 2 * rate / lowpass.cutoff))
 
 
+def silent_motors(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Motors whose force is zero in all rows of all recordings, as never recorded."""
+    silent = dict[str, bool]()
+    for run in recordings:
+        names, force = run.actuators, run.motor_force
+        if run.log is not None:
+            names, force = run.log.joints, run.log.force
+        for name, own in zip(names, force.T, strict=True):
+            silent[name] = silent.get(name, True) and not own.any()
+    return tuple(name for name, own in silent.items() if own)
+
+
 def least_logged(robot: Robot) -> float:
     """Singularity measure that samples of logs keep, where nothing else is said."""
     least = LOGGED * least_measure(robot)
@@ -309,13 +321,16 @@ class Recording(Tabular):
 
     @property
     def resting(self) -> FloatArray:
-        """Part (N, dof) that each motor stands or turns back in, as far as the filter mixes it."""
+        """Part (N, dof) that each motor stands or turns back in, as far as the filter mixes it.
+
+        All of it where its force is not used: what the filter makes of a standstill is larger.
+        """
         history, found = self.history, (self.motion.velocities == 0).astype(np.float64)
         for joint, column in zip(self.actuators, found.T, strict=True):
             if history is not None and joint in history.joints:
                 own = history.joints.index(joint)
                 column[:] = history.lowpassed(history.idle[:, own].astype(np.float64))
-        return np.asarray(np.clip(found, 0.0, 1.0))
+        return np.where(self.used, np.clip(found, 0.0, 1.0), 1.0)
 
     def idle_speed(self, joint: str) -> float:
         """Speed of a motor up to which it stands or turns back; 0 where that is not known."""
