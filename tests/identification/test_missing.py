@@ -11,10 +11,10 @@ from scipy.special import chdtrc, chdtri
 import loopid
 from bank_robots import few_of
 from loopid import JointTerms
-from loopid.identification import Delay
+from loopid.identification import Delay, missing
 from loopid.identification.fitting import working_fit
 from loopid.identification.lengths import Place, length_forces
-from loopid.identification.missing import _Search, _slow, missing_forces
+from loopid.identification.missing import _Search, _slow, _Test, missing_forces
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
 from loopid.logs import Recording
@@ -265,6 +265,22 @@ def test_a_zero_that_is_off_is_named_and_what_to_set(robot, model, zero):
     assert "as parameters" not in str(found.verdict)
 
 
+@pytest.mark.parametrize(("scale", "named"), [(1.0, True), (0.01, False)])
+def test_a_zero_is_no_further_off_than_its_forces_are_linear(
+    robot, model, monkeypatch, scale, named
+):
+    """Forces that would need two radians, each of which makes a hundredth of the real force."""
+
+    def weak(*given):
+        return {Place(LEFT, "rad"): scale * length_forces(*given)[Place(LEFT, "rad")]}
+
+    monkeypatch.setattr(missing, "length_forces", weak)
+    true = run(robot)
+    there = as_in_the_file(robot, true.motion, 0.02)
+    found = identify_unjudged(model, Recording.of_motion(there, true.force, robot.actuated))
+    assert any(each.zero for each in found.missing) == named
+
+
 @pytest.mark.parametrize("times", [0.5, 1.0, 4.0])
 def test_a_coupling_is_as_clear_as_it_stands_out_from_those_of_other_motors(times):
     """Where all look this many times larger than by chance, so does one that is none."""
@@ -281,6 +297,17 @@ def test_a_coupling_is_as_clear_as_it_stands_out_from_those_of_other_motors(time
 def test_two_motors_have_no_others_that_a_coupling_is_measured_by():
     search = SimpleNamespace(motors=("a", "b"), couplings={("a", "b"): 1e-9, ("b", "a"): 1e-9})
     assert _Search._beside_others(search, "a", "b", 1e-9) == 1e-9
+
+
+@pytest.mark.parametrize(("left", "named"), [(0.5, True), (0.95, False)])
+def test_what_follows_another_motor_saves_errors_left_out(robot, model, monkeypatch, left, named):
+    """However far it moves estimates; of other laws that is enough."""
+    monkeypatch.setattr(_Test, "left", lambda *_: left)
+    law = f"follows the motion of {RIGHT}"
+    found = identify_unjudged(model, run(robot, LAWS[law]))
+    assert any(each.law == law for each in found.missing) == named
+    spring = identify_unjudged(model, run(robot, LAWS["grows with position"]))
+    assert any(each.law == "grows with position" for each in spring.missing)
 
 
 @pytest.mark.parametrize("seed", few_of(range(3), 0))

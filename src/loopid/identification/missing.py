@@ -64,6 +64,7 @@ SLOW, LARGER = 0.2, 1.25
 # that little looks like more. What is filtered looks like less near singularities, and links are
 # not made that exactly: intervals hold it, and it is no finding.
 LEAST_OFF, MOST_OFF = 5e-5, 0.1
+FARTHEST = 0.5  # in rad, or robot lengths, that a zero may be off by: its forces are then linear
 FOLLOWS = 3  # columns of the motion of another motor
 DEPENDENT = 1e-6  # part of a column beside the fit's below which it adds nothing
 
@@ -320,7 +321,12 @@ def _length_or_zero(
     tried = {place: test.of(force[:, :, None]) for place, force in lengths.items()}
     # What is set must be clear: a zero that is only likely is none.
     most = FALSE_ALARM / (families * max(len(tried), 1))
-    worth = [place for place in tried if not place.unit or tried[place].chance < most]
+    farthest = {"rad": FARTHEST, "m": FARTHEST * force_model.robot.length}
+    worth = [
+        place
+        for place, found in tried.items()
+        if not place.unit or (found.chance < most and abs(found.x[0]) < farthest[place.unit])
+    ]
     if not worth:
         return None
     place = min(worth, key=lambda each: tried[each].chance)
@@ -642,7 +648,10 @@ class _Search:
             found = best.found._replace(chance=self.test.confirmed(best.found.columns))
             chance = self._chance(motor, best._replace(found=found))
             if chance < FALSE_ALARM:
-                return [self._missing(motor, best, chance, "clear")]
+                clear = self._missing(motor, best, chance, "clear")
+                # What a model lacks may follow another motor in a part of the data.
+                if not best.law.other or clear.left < HELPS:
+                    return [clear]
         springs = (one for one in tried if one.law.term and one.found.x.all())
         return [self._doubtful(motor, one) for one in springs]
 
