@@ -265,8 +265,9 @@ def converged_weights(
 
     Of given weights (dof,), ``fitted`` makes the values (n,) and leverages (dof,) of the fit.
     """
-    weights = equal_weights(problem)
-    present, force = weights > 0, problem.force_rms
+    force, present = problem.force_rms, problem.samples > 0
+    # Motors that contradict each other have several such weights: units do not choose among them.
+    weights = np.where(force > 0, problem.force_weights, equal_weights(problem))
     for _ in range(ITERATIONS):
         values, leverage = fitted(weights)
         last, squares = weights, problem.residual_squares(values)
