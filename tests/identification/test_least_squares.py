@@ -261,3 +261,18 @@ def test_larger_errors_than_the_stated_ones_count_as_they_are():
     data = with_known_zeros()
     force = data.force + [0, 0.2] * np.random.default_rng(1).normal(size=(200, 2))
     assert quiet_fit(data.with_force(force)).noise.deviation[1] == pytest.approx(0.2, rel=0.2)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 0.1, 30.0, 1e3])
+def test_the_unit_of_a_motor_does_not_choose_whom_estimates_believe(unit):
+    """Two motors contradict each other, as with other gains: either may be believed."""
+    rng = np.random.default_rng(0)
+    W = rng.normal(size=(60, 2, 4))
+    force = W @ TRUTH * np.array([1.0, 3.0]) + 0.1 * rng.normal(size=(60, 2))
+    scale = np.array([1.0, unit])
+    one, other = (
+        WeightedLeastSquares().fit(named_samples(W * s[:, None], force * s).problem)
+        for s in (np.ones(2), scale)
+    )
+    np.testing.assert_allclose(other.values, one.values, rtol=1e-6)
+    np.testing.assert_allclose(other.weights * scale, one.weights, rtol=1e-6)

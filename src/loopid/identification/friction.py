@@ -56,8 +56,6 @@ DIGITS = 2
 LEAST_LOAD = 0.1
 # Samples of a motor for each of its terms: fewer determine no shape.
 LEAST_ROWS = 5
-# Fits that find bodies, load friction and the size of errors together, before anything is dropped.
-ROUNDS = 2
 # Part of a motor's friction at rest that the filter spreads into samples which show it; most
 # samples of a motor that may be left out for that.
 SPREAD, MOST_AT_REST = 0.05, 0.75
@@ -242,21 +240,13 @@ def with_friction(
     wide, data = beside(kinds, standard)
     rest = friction_at_rest(data, recordings, weights)
     moving = moving_samples(data, rest)
+    ripple, ripples = ripple_columns(force_model, moving, recordings, weights)
+    if ripple.shape[2]:
+        moving = moving_samples(data, rest, ripple)
     # What plain terms leave of friction is no error.
     with one_blas_thread():
         every, rank = excited_solution(moving.problem.weighted(whole.weights), LEAST_EXCITATION)
     noise = residual_noise(moving, every, rank)
-    ripple, ripples = ripple_columns(force_model, moving, recordings, weights)
-    if ripple.shape[2]:
-        moving = moving_samples(data, rest, ripple)
-        with one_blas_thread():
-            every, rank = excited_solution(moving.problem.weighted(whole.weights), LEAST_EXCITATION)
-        noise = residual_noise(moving, every, rank)
-    for _ in range(ROUNDS if kinds else 0):
-        standard = consistent_parameters(wide, moving, noise)
-        noise = residual_noise(moving, wide.base.values(standard), rank)
-        wide, data = beside(kinds, standard)
-        moving = moving_samples(data, rest, ripple)
     honest = False  # whether errors are with what a fit took up of slow ones added back
     while True:
         noise = _of_motors(kinds, noise, whole.require_noise())
@@ -300,15 +290,6 @@ def _asked(
             gone.add(least)
         left[joint] = tuple(kind for kind in own if _group(kind) not in gone)
     return {joint: own for joint, own in left.items() if own}
-
-
-def less_noise(whole: Fit, data: FitSamples, values: FloatArray) -> NoiseModel:
-    """The errors of a fit with what further terms explain of them taken off."""
-    noise, old = whole.require_noise(), whole.quality.residual_rms
-    squares = data.problem.residual_squares(values) / np.maximum(data.problem.samples, 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(old > 0, np.sqrt(squares) / old, 1.0)
-    return replace(noise, deviation=noise.deviation * np.fmin(ratio, 1.0))
 
 
 def _group(kind: str) -> str:
