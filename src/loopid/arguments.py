@@ -348,7 +348,8 @@ def _checked(
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        if (result or not made) and _loopid_calls():
+        nothing_given = made and len(args) == 1 and not kwargs
+        if nothing_given or ((result or not made) and _loopid_calls()):
             return function(*args, **kwargs)
         try:
             args, kwargs = validated()(*args, **kwargs)

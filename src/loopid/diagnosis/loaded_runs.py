@@ -13,7 +13,7 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.data import each_of, read, require_no_repetition
 from loopid.identification.delay import in_time
 from loopid.identification.force_models import ForceModel, force_model as model_of, samples_of
-from loopid.identification.friction import allowing_drives, less_noise, with_friction
+from loopid.identification.friction import allowing_drives, with_friction
 from loopid.identification.information import Excitation, fit_excited
 from loopid.identification.model_choice import choose_model
 from loopid.identification.problem import FitSamples
@@ -76,7 +76,7 @@ class LoadedRuns:
         force_model, _ = allowing_drives(force_model, light, runs[0], whole)
         if force_model.automatic and estimator == "wls":
             force_model, light, solid = with_friction(force_model, light, runs[0], whole)
-            noise = less_noise(whole, light, solid.result.values)
+            noise = solid.result.require_noise()
         columns, parts = _columns(force_model, link), []
         for run in runs[1]:
             states = run.motion.configurations, run.motion.velocities, run.motion.accelerations

@@ -146,11 +146,21 @@ def choose_cutoff(
     >>> 3 < choice.chosen <= 20
     True
     """
+    return cutoff_and_samples(force_model, recordings, n_jobs=n_jobs)[0]
+
+
+def cutoff_and_samples(
+    force_model: ForceModel, recordings: Sequence[Recording], *, n_jobs: int = 1
+) -> tuple[CutoffChoice | None, Sampled | None]:
+    """As ``choose_cutoff``, with a single recording at the cut-off, where it was tried whole.
+
+    Of several ones samples at more than one cut-off would fill the memory.
+    """
     open_ones = [run for run in recordings if run.open_cutoff]
     logs = [run.log for run in open_ones if run.log is not None]
     band = max((motion_band(force_model.robot, log) for log in logs), default=0.0)
     if not band:
-        return None
+        return None, None
     rate = min(log.rate(part) for log in logs for part in log.parts() if len(log.time[part]) > 1)
     limit, count = rate / PERIOD, len(force_model.parameters)
     last = min(STEP * WIDEST * band, limit)
@@ -161,11 +171,12 @@ def choose_cutoff(
     shortest = min(least, last)
     steps = int(np.log(last / max(first, shortest)) / np.log(STEP))
     tried, changes, values = list[float](), list[float](), force_model.prior
+    kept = dict[float, Sampled]()  # the best so far, and the last
     open_ones = [sections(force_model.robot, run) for run in open_ones]
     with one_blas_thread():
         judge = _fitted(force_model, open_ones, n_jobs)
         if judge is None:
-            return None
+            return None, None
         seen = judge.weights[:, None, None] * judge.problem.factors[:, :, :-1]
         for cutoff in (last / STEP ** np.arange(steps, -1, -1)).tolist():
             found = _fitted(force_model, open_ones, n_jobs, cutoff)
@@ -175,18 +186,28 @@ def choose_cutoff(
                 moved = np.linalg.norm(seen @ (found.values - values))
                 changes.append(float(moved / np.sqrt(judge.problem.rows)))
             tried, values = [*tried, cutoff], found.values
+            best = tried[_middle(_chosen(changes, bounded=False))]
+            kept = {each: kept[each] for each in (best,) if each in kept}
+            if found.sampled is not None:
+                kept[cutoff] = found.sampled
             if cutoff > BEYOND * band and changes and changes[-1] > GROWTH * min(changes):
                 break
     if not tried:
-        return None
+        return None, None
     ties = _chosen(changes, bounded=tried[-1] == limit)
-    chosen = int(ties[len(ties) // 2])
+    chosen = _middle(ties)
     lowest = "length" if shortest > first else "lowest"
     still = tried[chosen] == limit and bool(changes) and changes[-1] > CLEAR
     low = chosen <= 1 < len(changes)
     bound = "alone" if not changes else "rate" if still else lowest if low else ""
     cutoffs = np.array(tried)
-    return CutoffChoice(cutoffs, np.array(changes), tried[chosen], bound, cutoffs[ties])
+    choice = CutoffChoice(cutoffs, np.array(changes), tried[chosen], bound, cutoffs[ties])
+    return choice, kept.get(choice.chosen) if open_ones == [*recordings] else None
+
+
+def _middle(ties: IntArray) -> int:
+    """The one of those equally good that is taken."""
+    return int(ties[len(ties) // 2])
 
 
 def _chosen(changes: Sequence[float], *, bounded: bool) -> IntArray:
@@ -242,11 +263,12 @@ class Sampled(NamedTuple):
 
 
 class _Fitted(NamedTuple):
-    """A problem, its values (n,), and weights of the motors (dof,)."""
+    """A problem, its values (n,), and weights of the motors (dof,); of one recording, samples."""
 
     problem: FitProblem
     values: FloatArray
     weights: FloatArray
+    sampled: Sampled | None
 
 
 def _fitted(
@@ -260,15 +282,17 @@ def _fitted(
     Values are those of the robot file where nothing is known.
     """
     try:
-        robot = force_model.robot
+        robot, sampled = force_model.robot, None
         runs = recordings if cutoff is None else at_cutoff(robot, recordings, cutoff)
-        problem = FitProblem.combined(
-            force_model.samples(run, n_jobs=n_jobs).problem for run in runs
-        )
+        each = (force_model.samples(run, n_jobs=n_jobs) for run in runs)
+        if cutoff is not None and len(runs) == 1:
+            sampled = Sampled(cutoff, tuple(runs), (*each,))
+        parts = each if sampled is None else sampled.samples
+        problem = FitProblem.combined(part.problem for part in parts)
         if not problem.rows:
             return None
         freedom = np.asarray(problem.samples * (problem.freedom / problem.rows))
         values, weights = nearest_to_file(problem, force_model.prior, freedom)
     except LoopidError:
         return None
-    return _Fitted(problem, values, weights)
+    return _Fitted(problem, values, weights, sampled)

@@ -47,7 +47,7 @@ from loopid.identification.correlation import (
     run_lengths,
     within_runs,
 )
-from loopid.identification.cutoff import CutoffChoice, Sampled, choose_cutoff
+from loopid.identification.cutoff import CutoffChoice, Sampled, choose_cutoff, cutoff_and_samples
 from loopid.identification.estimator import (
     UNKNOWN,
     WorkingFit,
@@ -411,25 +411,26 @@ def in_time(
 ) -> InTime:
     """Undo the delay that the first of some groups of recordings shows, and choose its cut-off."""
     kept = tuple(map(tuple, groups))
-    choice = choose_cutoff(force_model, kept[0], n_jobs=n_jobs)
+    choice, at = cutoff_and_samples(force_model, kept[0], n_jobs=n_jobs)
     if not undo:
-        return InTime(kept, None, choice)
-    logged, at = _logged(kept[0]), None
-    if choice is not None:
+        return InTime(kept, None, choice, at)
+    logged = _logged(kept[0])
+    if choice is not None and at is None:
         at = Sampled.of(force_model, logged, choice.chosen, n_jobs=n_jobs)
     of_logs = _delays_of_logs(force_model, logged, at)
     if of_logs:
         robot = force_model.robot
         kept = tuple(tuple(_alike(robot, one, of_logs) for one in each) for each in kept)
-        choice = choose_cutoff(force_model, kept[0], n_jobs=n_jobs)
-        logged, at = _logged(kept[0]), None
+        choice, at = cutoff_and_samples(force_model, kept[0], n_jobs=n_jobs)
+        logged = _logged(kept[0])
     delay = _delay_of(force_model, logged, None if choice is None else choice.chosen, at)
     if delay is not None:
         delay = replace(delay, of_logs=of_logs)
     if delay is None or not delay.clear:
         return InTime(kept, delay, choice, at if logged == kept[0] else None)
     moved = tuple(without_delay(force_model, each, delay) for each in kept)
-    return InTime(moved, delay, choose_cutoff(force_model, moved[0], n_jobs=n_jobs))
+    choice, at = cutoff_and_samples(force_model, moved[0], n_jobs=n_jobs)
+    return InTime(moved, delay, choice, at)
 
 
 def _delays_of_logs(

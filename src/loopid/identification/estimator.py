@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -66,16 +67,22 @@ class WorkingFit:
         factor = samples.problem.weighted(weights, prior)
         R = factor[:-1, :-1]
         values = solve_triangular(R, factor[:-1, -1])
-        return cls(result_of(name, samples.problem, values, R, weights, 1.0), samples, prior)
+        result = result_of(name, samples.problem, values, R, weights, 1.0)
+        return cls(result, samples, prior)._with_factor(factor)
 
-    @property
+    @cached_property
     def factor(self) -> FloatArray:
         """Triangular factor (n + 1, n + 1) of all weighted rows, those of the prior included."""
         return self.samples.problem.weighted(self.result.weights, self.prior)
 
     def with_result(self, **changes: Any) -> WorkingFit:
-        """The same least squares with a result that is changed."""
-        return replace(self, result=replace(self.result, **changes))
+        """The same least squares with a result that is changed, but for its weights."""
+        changed = replace(self, result=replace(self.result, **changes))
+        return changed._with_factor(self.factor)
+
+    def _with_factor(self, factor: FloatArray) -> WorkingFit:
+        vars(self)["factor"] = factor
+        return self
 
     def response(self, force: FloatArray) -> FloatArray:
         """Change of the estimates (n, k) with further forces (N, dof, k)."""

@@ -292,15 +292,6 @@ def _asked(
     return {joint: own for joint, own in left.items() if own}
 
 
-def less_noise(whole: Fit, data: FitSamples, values: FloatArray) -> NoiseModel:
-    """The errors of a fit with what further terms explain of them taken off."""
-    noise, old = whole.require_noise(), whole.quality.residual_rms
-    squares = data.problem.residual_squares(values) / np.maximum(data.problem.samples, 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(old > 0, np.sqrt(squares) / old, 1.0)
-    return replace(noise, deviation=noise.deviation * np.fmin(ratio, 1.0))
-
-
 def _group(kind: str) -> str:
     prior = None if kind in KINDS else joint_term(kind).prior
     return "" if prior is None else prior.name

@@ -192,21 +192,19 @@ def identify(
     choice, force_model = _model_of(robot, groups[0], options)
     runs = _Runs.of(groups, judged=validation is not None, fraction=options.fraction)
     runs, found, faults = _in_time(force_model, runs, options)
-    delay, cutoff = found.delay, found.cutoff
     fitted = {run.name for run in runs.training}
     singular = any(log.singular is not None for log in faults if log.recording in fitted)
-    sampled = _sampled(force_model, runs, references, found.first, options)
-    fits = _fitted(*sampled, runs, delay, options, singular=singular)
-    fits = fits.with_origin(runs, delay, cutoff, faults)
-    for each in (delay, fits.excited):
+    fits = _fitted(force_model, runs, references, found, options, singular=singular)
+    fits = fits.with_origin(runs, found.delay, found.cutoff, faults)
+    for each in (found.delay, fits.excited):
         if each is not None:
             each.warn()
     warn_of_fitted(runs.training, runs.judging)
     force_model, data, new, judged = _judged(fits, runs, options)
     return Identification(
         *(force_model, *runs[:3], data, new, fits.excited, judged, options),
-        cutoff=cutoff,
-        delay=delay,
+        cutoff=found.cutoff,
+        delay=found.delay,
         log_faults=faults,
         missing=fits.missing,
         choice=choice,
@@ -283,15 +281,15 @@ class _Fits(NamedTuple):
 
 def _fitted(
     force_model: ForceModel,
-    data: FitSamples,
-    first: FitSamples | None,
     runs: _Runs,
-    delay: Delay | None,
+    references: Sequence[JointMotion],
+    found: InTime,
     options: FitOptions,
     *,
     singular: bool,
 ) -> _Fits:
     """The robot file with fitted joint terms, all parameters, and all of solid bodies."""
+    force_model, data, first = _sampled(force_model, runs, references, found.first, options)
     plain = force_model.plain_columns
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
@@ -309,7 +307,7 @@ def _fitted(
             solid = quiet_consistent_fit(force_model, data, whole.require_noise(), known)
             warn_of_bodies(force_model, solid.result)
         if not singular:  # near such poses errors look like any force
-            missing = missing_forces(solid, force_model, runs.training, delay)
+            missing = missing_forces(solid, force_model, runs.training, found.delay)
         regions = _errors_by_region(solid, data)
     least = whole.noise if solid is None else solid.result.noise
     start = fit_joint_terms(force_model, data, noise=least)

@@ -800,8 +800,8 @@ def on_independent(
     A row is used where all motors that act on it are. None acts on free coordinates.
     """
     if not robot.redundant:
-        more = (0, 0), (0, len(robot.free))
-        return np.pad(force, more), np.pad(used, more, constant_values=True)
+        free = len(force), len(robot.free)
+        return np.hstack([force, np.zeros(free)]), np.hstack([used, np.ones(free, dtype=bool)])
     motors, q = robot.velocity_indices(robot.actuated), motion.configurations
     shares = np.concatenate([project(robot, q[rows]).G[:, motors] for rows in row_blocks(len(q))])
     acting = np.abs(shares) > NO_SHARE * np.abs(shares).max(axis=(0, 2), initial=0.0)[:, None]

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 from lxml.builder import ElementMaker
-from lxml.etree import tostring
-from lxml.html import HtmlElement, html_parser
+from lxml.etree import _Element as Element, tostring
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, spread_rows
 from loopid.errors import counted, one_line, short_name
@@ -69,7 +68,7 @@ path.hole { color: #fff; stroke-width: 30; } .sign { fill: #fff; }
 """
 
 
-def _add_text(element: HtmlElement, text: str) -> None:
+def _add_text(element: Element, text: str) -> None:
     """Text of any origin, what is not printable but ends of lines as escapes."""
     plain = text if text.isprintable() else "\n".join(map(one_line, text.split("\n")))
     if len(element):
@@ -80,7 +79,7 @@ def _add_text(element: HtmlElement, text: str) -> None:
 
 # Elements of a page, which escape what they hold.
 _TEXTS: Any = {str: _add_text}
-E = ElementMaker(typemap=_TEXTS, makeelement=html_parser.makeelement)
+E = ElementMaker(typemap=_TEXTS)
 
 
 @record(checked="outside")
@@ -189,7 +188,7 @@ class Panel:
             return LINE * (2 + len(self.labels))
         return 80 if self.small else 230 if self.equal else 140
 
-    def drawing(self, wide: float) -> Iterable[HtmlElement]:
+    def drawing(self, wide: float) -> Iterable[Element]:
         """The panel for papers, this many px wide."""
         across, high = self.limits()
         title = ": ".join(filter(None, (self.motor, self.title)))
@@ -223,7 +222,7 @@ class Panel:
             return x_ticks, [*enumerate(self.labels)]
         return x_ticks, ticks(*high, log="y" in self.log, count=3 if self.small else TICKS)
 
-    def html(self, *, headed: bool = True, ticked: bool = True) -> HtmlElement:
+    def html(self, *, headed: bool = True, ticked: bool = True) -> Element:
         """A part of a figure on a page, with a heading and numbers along x or without."""
         across, high = self.limits()
         panel = E.div()
@@ -265,7 +264,7 @@ class Panel:
         size: tuple[int, int],
         *,
         alone: bool = False,
-    ) -> HtmlElement:
+    ) -> Element:
         """Marks in a square of that size; signs are drawn, too, where no page lays them over it."""
         wide, tall = size
         svg = E.svg({"viewBox": f"0 0 {wide} {tall}", "preserveAspectRatio": "none"})
@@ -288,7 +287,7 @@ class Panel:
             for x, y, text in zip(mark.x, mark.y, mark.texts or ("",) * len(mark.x), strict=True):
                 yield mark, float(x), float(y), text
 
-    def _table(self, rows: Iterable[int], across: Ends) -> HtmlElement:
+    def _table(self, rows: Iterable[int], across: Ends) -> Element:
         places = ticks(*across, log="x" in self.log, count=TICKS if self.columns else 3)
         scale = E.div({"class": "across"}, *_ticks_html("left", places, across))
         heads = (E.th({"class": "number", "scope": "col"}, head) for head in self.columns)
@@ -331,7 +330,7 @@ class Chart:
     lanes: int = 1  # this many panels stay below each other, and have one x axis
     zoom: str = ""  # charts with the same text are zoomed together along time
 
-    def html(self) -> HtmlElement:
+    def html(self) -> Element:
         """A figure of a page."""
         keys = self._keys()
         legend = (E.span(E.i({"class": f"key {kind} {look}"}), name) for name, kind, look in keys)
@@ -354,7 +353,7 @@ class Chart:
                     path.getparent().replace(path, E.use({"href": f"#{same}"}))
         return figure
 
-    def _grid(self, lanes: Sequence[Sequence[Panel]]) -> HtmlElement:
+    def _grid(self, lanes: Sequence[Sequence[Panel]]) -> Element:
         grid = E.div({"class": "panels"})
         for group in lanes:
             drawn = (p.html(headed=p is group[0], ticked=p is group[-1]) for p in group)
@@ -377,7 +376,7 @@ class Chart:
         """The chart alone as SVG, as wide as a column of a paper."""
         named = any(panel.labels for panel in self.panels)
         columns = 1 if named or self.lanes > 1 else min(self.columns, len(self.panels) or 1, 2)
-        wide, down, drawn = COLUMN / columns, 0, list[HtmlElement]()
+        wide, down, drawn = COLUMN / columns, 0, list[Element]()
         for k in range(0, len(self.panels), columns):
             row = self.panels[k : k + columns]
             for j, panel in enumerate(row):
@@ -429,7 +428,7 @@ def forest(
     return Panel(title, marks, **rows)
 
 
-def _text(x: float, y: float, text: str, look: str = "") -> HtmlElement:
+def _text(x: float, y: float, text: str, look: str = "") -> Element:
     return E.text({"x": f"{x:.1f}", "y": f"{y:.1f}", "class": look}, text)
 
 
@@ -442,14 +441,14 @@ def _within(mark: Mark, row: int) -> Mark:
     return Mark(mark.name, mark.x[own], mark.y[own], mark.look, mark.kind, to)
 
 
-def short_or_whole(short: str, whole: str) -> HtmlElement | str:
+def short_or_whole(short: str, whole: str) -> Element | str:
     """A name that unfolds to what it is short for, if it is."""
     if whole in ("", short):
         return short
     return E.details({"class": "sum"}, E.summary(short), E.span(whole))
 
 
-def in_parts(count: int, table: Callable[[range], HtmlElement]) -> list[HtmlElement]:
+def in_parts(count: int, table: Callable[[range], Element]) -> list[Element]:
     """Rows of a table; those beyond ``MOST_ROWS`` unfold."""
     found, left = [table(range(min(count, MOST_ROWS)))], count - MOST_ROWS
     if left > 0:
@@ -457,12 +456,12 @@ def in_parts(count: int, table: Callable[[range], HtmlElement]) -> list[HtmlElem
     return found
 
 
-def unfolding(title: str, *content: HtmlElement) -> HtmlElement:
+def unfolding(title: str, *content: Element) -> Element:
     """A title that unfolds to what is below it."""
     return E.details(E.summary(title), *content)
 
 
-def _ticks_html(side: str, marks: Iterable[tuple[float, str]], ends: Ends) -> Iterable[HtmlElement]:
+def _ticks_html(side: str, marks: Iterable[tuple[float, str]], ends: Ends) -> Iterable[Element]:
     for at, text in marks:
         share = 100 * (at - ends[0]) / (ends[1] - ends[0])
         beyond = {"class": "start" if share < NEAR else "end"} if side == "left" else {}

@@ -17,7 +17,7 @@ from importlib.resources import files
 from textwrap import shorten
 from typing import Any, Literal
 
-from lxml.html import HtmlElement, tostring
+from lxml.etree import _Element as Element, tostring
 from rich.table import Table
 
 from loopid.arguments import Number
@@ -41,7 +41,7 @@ LONG = 40  # letters of a cell that breaks
 DECADES = 3  # of a gauge, which ends at 100 %
 
 
-Part = str | Table | Chart | HtmlElement
+Part = str | Table | Chart | Element
 
 
 @record(checked="outside")
@@ -67,14 +67,14 @@ class Section:
         """Its address on the page."""
         return "-".join("".join(c if c.isalnum() else " " for c in self.title.lower()).split())
 
-    def html(self) -> HtmlElement:
+    def html(self) -> Element:
         """A section of a page."""
         parts = (_part(part, self.folded) for part in self.parts)
         lead = [E.p({"class": "lead"}, self.lead)] if self.lead else []
         return E.section({"id": self.anchor}, E.h2(self.title), *lead, *parts)
 
 
-def _part(part: Part, folded: bool) -> HtmlElement:
+def _part(part: Part, folded: bool) -> Element:
     if isinstance(part, Chart):
         return part.html()
     if not isinstance(part, Table):
@@ -87,7 +87,7 @@ def _part(part: Part, folded: bool) -> HtmlElement:
     return found
 
 
-def _table(table: Table, some: range) -> HtmlElement:
+def _table(table: Table, some: range) -> Element:
     sides = [{"class": "number"} if column.justify == "right" else {} for column in table.columns]
     rows = list(zip(*(column.cells for column in table.columns), strict=True))
     found = E.table(E.tbody())
@@ -125,14 +125,14 @@ class Figure:
     gauge: tuple[Number, ...] = ()  # an error, and up to which it is good and rough, in parts of 1
     sure: bool = True  # whether it counts
 
-    def html(self) -> HtmlElement:
+    def html(self) -> Element:
         """A part of a card."""
         more = [E.small(f" {self.more}")] if self.more else []
         gauge = [self._gauge()] if self.gauge else []
         number = E.dd(self.value, *more, *gauge)
         return E.div({"class": "" if self.sure else "unsure"}, E.dt(self.what), number)
 
-    def _gauge(self) -> HtmlElement:
+    def _gauge(self) -> Element:
         at, good, rough = (
             f"{100 * min(max(1 + math.log10(max(x, 1e-9)) / DECADES, 0.0), 1.0):.0f}%"
             for x in self.gauge
@@ -169,7 +169,7 @@ class Card:
         """The word with its sign."""
         return f"{MARKS[self.tone]}{self.word}"
 
-    def html(self) -> HtmlElement:
+    def html(self) -> Element:
         """The first part of a page."""
         card = E.div({"class": f"card {self.tone}"})
         word = [E.strong(self.said)] if self.word else []
@@ -184,7 +184,7 @@ class Card:
         return card
 
 
-def findings_html(findings: Sequence[Finding], checks: Sequence[tuple[bool, str]]) -> HtmlElement:
+def findings_html(findings: Sequence[Finding], checks: Sequence[tuple[bool, str]]) -> Element:
     """Mistakes and warnings with what to do, notes folded, checks in one line."""
     serious, notes, passed = E.ol({"class": "findings"}), E.div({"class": "notes"}), list[Any]()
     for each in findings:
@@ -230,7 +230,7 @@ class Page:
     under: str = ""  # what it is of, below the title
     card: Card | None = None
     pictures: tuple[Chart, ...] = ()  # beside the card, and below both
-    findings: HtmlElement | None = None  # before the sections
+    findings: Element | None = None  # before the sections
     data: dict[str, Any] | None = None  # its element "data" has it to six digits, for programs
 
     def html(self) -> str:
@@ -253,14 +253,15 @@ class Page:
             body.append(E.script({"id": "data", "type": "application/json"}, numbers))
         body.append(E.script(script))
         page = E.html({"lang": "en"}, head, body)
-        return str(tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")) + "\n"
+        whole = tostring(page, encoding="unicode", method="html", doctype="<!DOCTYPE html>")
+        return f"{whole}\n"
 
-    def _header(self) -> HtmlElement:
+    def _header(self) -> Element:
         under = [E.p({"class": "under"}, self.under)] if self.under else []
         first = [each.html() for each in (self.card, *self.pictures) if each is not None]
         return E.header(E.h1(self.title), *under, E.div({"class": "first"}, *first))
 
-    def _bar(self) -> HtmlElement:
+    def _bar(self) -> Element:
         links = [
             E.a({"href": f"#{each.anchor}"}, each.short or each.title) for each in self.sections
         ]
