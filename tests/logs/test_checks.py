@@ -563,3 +563,22 @@ def test_sizes_of_forces_without_their_signs_are_said_to_be_such(made, load_once
     for force in (crossing, crossing.clip(0), smooth):
         made(robot, time, position, force)
     assert not [one for one in recwarn if "signs" in str(one.message)]
+
+
+@pytest.mark.parametrize(
+    ("per_rad", "said"),
+    [
+        (100.0, r"1 / ratio$"),
+        (4096 * 50 / 2 / np.pi, r"2 pi / \(counts a turn \* ratio\), as whole"),
+    ],
+)
+def test_positions_of_motors_before_their_gears_are_told_what_scale_they_take(
+    load_once, per_rad, said
+):
+    robot = load_once("five_bar")
+    time = np.arange(0.0, 10.0, 0.01)
+    turning = np.column_stack([np.sin(time), np.cos(time)]) * per_rad
+    position = np.round(turning) if per_rad > 1e3 else turning
+    log = Log.from_arrays(time, position, np.cos(position), robot.actuated)
+    with pytest.raises(LogError, match=said):
+        check_log(robot, log)

@@ -122,6 +122,30 @@ def test_positions_of_bagpy_go_by_the_names_beside_them(tmp_path, same):
     same(path)
 
 
+def test_lists_in_cells_are_refused_with_the_columns_that_are_read(tmp_path, same, robot):
+    """The names of joints go with them: a driver lists these in its own order."""
+
+    def written(name, header, row):
+        rows = [row(*each) for each in zip(TIME, POSITION[:, ::-1], FORCE[:, ::-1], strict=True)]
+        (path := tmp_path / name).write_text("\n".join([header, *rows]) + "\n")
+        return path
+
+    names = str(list(MOTORS[::-1]))
+    lists = written(
+        "lists.csv",
+        "Time,name,position,effort",
+        lambda t, q, f: f'{t},"{names}","{q.tolist()}","{f.tolist()}"',
+    )
+    with pytest.raises(LogError, match=r"'position' are read from position_0, ..., and name_0"):
+        read_log(lists, robot)
+    spread = written(
+        "spread.csv",
+        "Time,name_0,name_1,position_0,position_1,effort_0,effort_1",
+        lambda t, q, f: ",".join(map(str, [t, *MOTORS[::-1], *q.tolist(), *f.tolist()])),
+    )
+    same(spread)
+
+
 def test_names_of_rostopic_that_change_are_refused(tmp_path, robot):
     path = echoed(tmp_path / "log.csv")
     head, *rows = path.read_text().splitlines()

@@ -35,9 +35,7 @@ class OwnGains(NamedTuple):
     """Gains of d motors that explain a log best."""
 
     gains: FloatArray  # (d,), over those that are undone already; 1 where they are right
-    reach: (
-        FloatArray  # (d,), half of the 95 % interval, as a part of each; inf where it is not known
-    )
+    reach: FloatArray  # (d,), half of the 95 % interval, as a part of each; inf: not known
     after: Explanation
     lost: float  # of the evidence, by the choice of sizes and motors
     relative: bool  # whether all are known no better than the file's masses

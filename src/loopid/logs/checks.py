@@ -225,6 +225,11 @@ def _advice(
     ``scales`` are those by which joints of this kind were read, ``mixed`` whether each needs its
     own number.
     """
+    # Of a turn of the motor a joint makes a part.
+    turn = "m a turn" if straight else "2 pi"
+    before = f"{turn} / (2 pi * ratio)" if straight else "1 / ratio"
+    if (values == np.round(values)).all():
+        before = f"{turn} / (counts a turn * ratio), as whole numbers are counts"
     for name, factor in (OTHER_LENGTHS if straight else OTHER_ANGLES).items():
         scaled = values * factor
         if ((scaled >= lower) & (scaled <= upper)).mean() >= FITTING:
@@ -233,11 +238,14 @@ def _advice(
             scale = f"{{{each_one}}}" if mixed else next(iter(numbers.values()))
             return (
                 f"times {name} they would fit: give position_scale: {scale} in a mapping, or units "
-                "of Log.from_arrays"
+                f"of Log.from_arrays; of motors before their gears it is {before}"
             )
     if np.ptp(values) <= upper - lower:
         return "with another zero, position_offset in a mapping, they would fit"
-    return "no change of unit brings them inside: are they those of another joint?"
+    return (
+        "no change of unit brings them inside: are they those of another joint, or of motors "
+        f"before their gears? The position_scale of these is {before}"
+    )
 
 
 def _without_glitches(stream: Stream) -> Stream:

@@ -561,9 +561,14 @@ class ColumnFinder:
 
     def _only(self, joint: str, quantity: str, found: Sequence[Place], also: str = "") -> Place:
         if not found:
+            columns, spread = {place.column for place in self._places}, ""
+            for name in sorted(columns):
+                if _said(name) == quantity and "_" not in words(name):  # of all joints
+                    beside = ", and name_0, ... of 'name'" * ("name" in columns)
+                    spread = f"; lists in cells of {name!r} are read from {name}_0, ...{beside}"
             raise self._refused(
                 f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, "
-                f"{'' if also else 'or '}name it in a mapping{also}; {self._choices()}"
+                f"{'' if also else 'or '}name it in a mapping{also}{spread}; {self._choices()}"
             )
         if len(found) > 1:
             several = self.choice is not None and len(self.streams) > 1
