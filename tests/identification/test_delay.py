@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,12 +11,13 @@ import loopid
 from bank_robots import few_of
 from loopid import FilterOptions, JointTerms, identify
 from loopid.errors import DataWarning
-from loopid.identification import find_delay
+from loopid.identification import delay as delay_module, find_delay
 from loopid.identification.delay import (
     CLEAR,
     USUAL,
     Delay,
     _confirmed,
+    _delays_of_logs,
     _disagreement,
     _left_open,
     _over_bands,
@@ -302,6 +304,27 @@ def test_a_log_with_another_delay_than_the_others_is_named_and_made_like_them(ca
         left = find_delay(model, [run], cutoff=BAND)
         assert abs(left.common) < 0.002
     assert find_delay(model, judging, cutoff=BAND).common == pytest.approx(-usual, abs=0.002)
+
+
+@pytest.mark.parametrize(("times", "named"), [(0.9, False), (1.1, True)])
+def test_a_log_differs_from_the_middle_one_by_more_than_its_interval_is_wide(
+    case, monkeypatch, times, named
+):
+    """Whatever its delay is beside its positions; and of one that is vague nothing is said."""
+    model, _, log = case
+    errors = np.array([0.002, 0.003, 0.001, np.inf])
+    late = times * CLEAR * 1.96 * np.hypot(errors[0], errors[1])
+    delays = np.array([0.01, 0.01 - late, 0.012, 0.2])
+    search = SimpleNamespace(
+        delays=(None, True, delays, np.isfinite(errors)),
+        errors=lambda _: (errors, 0.0),
+        forces=SimpleNamespace(step=0.005),
+    )
+    monkeypatch.setattr(delay_module, "_Search", lambda *_, **__: search)
+    runs = [prepared(model, replace(log, name=name)) for name in "abcd"]
+    found = _delays_of_logs(model, runs, None)
+    assert list(found) == ["b"] * named
+    assert list(found.values()) == pytest.approx([-late] * named)
 
 
 def test_motors_that_all_differ_have_each_its_own_delay(load_once):

@@ -459,7 +459,7 @@ def _delays_of_logs(
     usual = middle[np.argmin(np.abs(delays[middle]))]
     late = delays - delays[usual]
     halves = NORMAL_95 * np.hypot(errors, errors[usual])
-    clear = np.abs(late) > np.maximum(ALONE * halves, LEAST * search.forces.step)
+    clear = np.abs(late) > np.maximum(CLEAR * halves, LEAST * search.forces.step)
     return {names[k]: float(late[k]) for k in np.flatnonzero(clear) if k != usual}
 
 
