@@ -18,7 +18,10 @@ def main() -> None:
     except KeyboardInterrupt:  # later on, the command line answers it
         sys.stderr.write("loopid: interrupted\n")
         sys.exit(130)
-    command()
+    try:
+        command()
+    finally:
+        gc.freeze()  # what is left goes with the process: it is not searched for garbage first
 
 
 if __name__ == "__main__":
