@@ -287,7 +287,8 @@ def test_a_coupling_is_as_clear_as_it_stands_out_from_those_of_other_motors(time
     motors, degrees = ("a", "b", "c", "d"), 3
     usual = float(chdtrc(degrees, times * chdtri(degrees, 0.5)))
     couplings = {
-        pair: usual if set(pair) == {"c", "d"} else 0.0 for pair in permutations(motors, 2)
+        pair: SimpleNamespace(chance=usual if set(pair) == {"c", "d"} else 0.0)
+        for pair in permutations(motors, 2)
     }
     search = SimpleNamespace(motors=motors, couplings=couplings)
     chance = _Search._beside_others(search, "a", "b", float(chdtrc(degrees, times * 20.0)))
@@ -295,7 +296,8 @@ def test_a_coupling_is_as_clear_as_it_stands_out_from_those_of_other_motors(time
 
 
 def test_two_motors_have_no_others_that_a_coupling_is_measured_by():
-    search = SimpleNamespace(motors=("a", "b"), couplings={("a", "b"): 1e-9, ("b", "a"): 1e-9})
+    clear = SimpleNamespace(chance=1e-9)
+    search = SimpleNamespace(motors=("a", "b"), couplings={("a", "b"): clear, ("b", "a"): clear})
     assert _Search._beside_others(search, "a", "b", 1e-9) == 1e-9
 
 

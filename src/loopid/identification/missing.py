@@ -333,7 +333,9 @@ def _length_or_zero(
     best = tried[place]
     if not place.unit and abs(best.x[0]) > MOST_OFF:
         return None
-    least = best.chance if best.chance >= FALSE_ALARM else test.confirmed(best.columns)
+    columns, least = lengths[place][:, :, None], best.chance
+    if least < FALSE_ALARM:
+        least = test.confirmed(columns)
     if (least := len(tried) * least) >= FALSE_ALARM:
         return None
     size = float(f"{best.x[0]:.3g}")
@@ -341,6 +343,7 @@ def _length_or_zero(
     if place.unit and not clear:
         return None
     return test.missing(
+        columns,
         best,
         motor="",
         law=place.name,
@@ -434,7 +437,6 @@ def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) ->
 class _Tested(NamedTuple):
     """What the test says of columns (N, dof, k)."""
 
-    columns: FloatArray
     chance: float
     x: FloatArray  # (k,), coefficients
     errors: FloatArray  # (k,), of these
@@ -482,7 +484,7 @@ class _Test:
         squares = np.einsum("nij,nik->jk", c, c, optimize=True)
         G, sizes = squares - turned.T @ turned, np.sqrt(np.diag(squares))
         if not (sizes > 0).all() or np.linalg.eigvalsh(G / np.outer(sizes, sizes))[0] < DEPENDENT:
-            return _Tested(columns, 1.0, np.zeros(k), np.zeros(k), np.zeros(n))
+            return _Tested(1.0, np.zeros(k), np.zeros(k), np.zeros(n))
         s = np.einsum("nik,ni->k", c, self.residual[:, own])
         beside = c - self.columns[:, own] @ turned
         # Errors are what is left with the columns.
@@ -506,7 +508,7 @@ class _Test:
         covariance = np.linalg.inv(G @ weighed[:, 1:] + np.diag(sizes**2) / force)
         x, errors = covariance @ G @ weighed[:, 0], np.sqrt(np.diag(covariance))
         chance = float(fdtrc(k, max(freedom, 1.0), F))
-        return _Tested(columns, chance, x, errors, self.inverse @ -(turned @ x))
+        return _Tested(chance, x, errors, self.inverse @ -(turned @ x))
 
     def confirmed(self, columns: FloatArray) -> float:
         """The chance once more, by errors without what all columns take up of them.
@@ -535,9 +537,11 @@ class _Test:
         after = float(own @ _squares(_beside(self.fit, columns), self.segments))
         return after / before if before > 0 else 1.0
 
-    def missing(self, found: _Tested, certainty: str, **known: Any) -> MissingForce:
+    def missing(
+        self, columns: FloatArray, found: _Tested, certainty: str, **known: Any
+    ) -> MissingForce:
         """What there is, or may be, of the force of columns."""
-        force, bias = found.columns @ found.x, found.bias[: self.estimates]
+        force, bias = columns @ found.x, found.bias[: self.estimates]
         own = self.used & force.any(axis=0)
         errors = self.fit.result.standard_errors[: self.estimates]
         whole = float(np.sqrt((self.fit.samples.force[own] ** 2).mean()))
@@ -545,7 +549,7 @@ class _Test:
         return MissingForce(
             size=size,
             share=size / whole if whole > 0 else np.inf,
-            left=1.0 if certainty == "hidden" else self.left(found.columns),
+            left=1.0 if certainty == "hidden" else self.left(columns),
             bias=bias,
             moved=float((np.abs(bias) / np.where(errors > 0, errors, np.inf)).max()),
             certainty=certainty,
@@ -618,14 +622,23 @@ class _Search:
 
     def _columns(self, motor: str, law: _Law, number: float = 0.0) -> FloatArray:
         """Of a law (N, dof, k) in the force of a motor."""
-        signals = [
-            each[motor].lowpassed(np.stack(law.columns(each[law.other or motor], number), axis=1))
-            for each in self.states
-        ]
-        own = np.concatenate(signals)
+        own = self.motions[law.other] if law.other else self._signals(motor, law, number)
         columns = np.zeros((*self.test.used.shape, own.shape[1]))
         columns[:, self.rows[motor]] = own
         return columns
+
+    def _signals(self, motor: str, law: _Law, number: float) -> FloatArray:
+        """A law of the states of a motor (N, k), filtered as forces are."""
+        signals = (
+            each[motor].lowpassed(np.stack(law.columns(each[motor], number), axis=1))
+            for each in self.states
+        )
+        return np.concatenate([*signals])
+
+    @cached_property
+    def motions(self) -> dict[str, FloatArray]:
+        """What the force of another motor may follow of each motor (N, k)."""
+        return {motor: self._signals(motor, _coupling(motor), 0.0) for motor in self.motors}
 
     def _of_all(self, law: _Law) -> float:
         """Chance of a law of all motors that are tested for it together."""
@@ -640,12 +653,13 @@ class _Search:
         """The likeliest force of a motor, if one is clear; else its springs."""
         count, tried = self.test.used[:, self.rows[motor]].sum(), list[_Tried]()
         for law, number, kinds in self._tried(motor):
-            columns = self._columns(motor, law, number)
-            if count >= ROWS * columns.shape[2]:
-                tried.append(_Tried(law, number, kinds * self.families, self.test.of(columns)))
+            found = self._tested(motor, law, number)
+            if count >= ROWS * len(found.x):
+                tried.append(_Tried(law, number, kinds * self.families, found))
         best = min(tried, key=lambda one: self._chance(motor, one), default=None)
         if best is not None and self._chance(motor, best) < FALSE_ALARM:
-            found = best.found._replace(chance=self.test.confirmed(best.found.columns))
+            columns = self._columns(motor, best.law, best.number)
+            found = best.found._replace(chance=self.test.confirmed(columns))
             chance = self._chance(motor, best._replace(found=found))
             if chance < FALSE_ALARM:
                 clear = self._missing(motor, best, chance, "clear")
@@ -655,11 +669,19 @@ class _Search:
         springs = (one for one in tried if one.law.term and one.found.x.all())
         return [self._doubtful(motor, one) for one in springs]
 
+    def _tested(self, motor: str, law: _Law, number: float) -> _Tested:
+        """What the test says of a law of a motor."""
+        if law.other:
+            return self.couplings[motor, law.other]
+        return self.test.of(self._columns(motor, law, number))
+
     def _doubtful(self, motor: str, one: _Tried) -> MissingForce:
         """A spring that is not clear: likely, or as much of it as would not show."""
-        chance, confirmed = one.found.chance, self.test.confirmed
-        likely = self.together[one.law.said] < LIKELY
-        if likely or (chance < FALSE_ALARM and confirmed(one.found.columns) < FALSE_ALARM):
+        chance, likely = one.found.chance, self.together[one.law.said] < LIKELY
+        if not likely and chance < FALSE_ALARM:
+            columns = self._columns(motor, one.law, one.number)
+            likely = self.test.confirmed(columns) < FALSE_ALARM
+        if likely:
             return self._missing(motor, one, chance, "likely")
         times = HIDDEN * one.found.errors / one.found.x
         hidden = one.found._replace(x=times * one.found.x, bias=times * one.found.bias)
@@ -681,17 +703,17 @@ class _Search:
         from scipy.special import chdtrc, chdtri  # slow to import
 
         pairs = permutations([one for one in self.motors if one not in (motor, other)], 2)
-        others = [self.couplings[pair] for pair in pairs]
+        others = [self.couplings[pair].chance for pair in pairs]
         if not others:
             return chance
         times = chdtri(FOLLOWS, np.median(others)) / chdtri(FOLLOWS, 0.5)
         return float(chdtrc(FOLLOWS, chdtri(FOLLOWS, chance) / max(times, 1.0)))
 
     @cached_property
-    def couplings(self) -> dict[tuple[str, str], float]:
-        """Chances that the force of a motor, the first, follows the motion of another one."""
+    def couplings(self) -> dict[tuple[str, str], _Tested]:
+        """Whether the force of a motor, the first, follows the motion of another one."""
         pairs = permutations(self.motors, 2)
-        return {(a, b): self.test.of(self._columns(a, _coupling(b))).chance for a, b in pairs}
+        return {(a, b): self.test.of(self._columns(a, _coupling(b))) for a, b in pairs}
 
     def _missing(self, motor: str, one: _Tried, chance: float, certainty: str) -> MissingForce:
         slides = self.force_model.robot.slides(motor)
@@ -702,6 +724,7 @@ class _Search:
         elif law.term:
             number, unit = float(one.found.x[0]), "N/m" if slides else "N m/rad"
         return self.test.missing(
+            self._columns(motor, law, one.number),
             one.found,
             certainty,
             motor=motor,
