@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from loopid.findings import PAGE
 from loopid.identification import log_faults, log_timing
 from loopid.identification.data import recordings_of
 from loopid.identification.evidence import Evidence, Explanation
-from loopid.identification.log_mistakes import _Find, _finds, log_faults_by_log
+from loopid.identification.log_mistakes import _clear, _Find, _finds, log_faults_by_log
 from loopid.identification.log_timing import late_by_seconds
 from loopid.identification.mistake_kinds import KINDS
 from loopid.kinematics import measured_coordinates
@@ -604,6 +605,30 @@ def test_inertia_is_missing_where_a_motor_lacks_it(after, worth):
     )
     found = _Find("factor", (0, 1), after=after, evidence=4.0, size=0.004, reach=0.43)
     assert found.worth(before) == worth
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "clear"),
+    [
+        ((0.09, 0.7), (0.02, 0.7), False),  # as of a differential, which is none of what is tried
+        ((0.09, 0.7), (0.02, 0.03), True),
+        ((0.02, 0.03), (0.01, 0.03), True),  # sought as bodies are far from those of the file
+    ],
+)
+def test_a_mistake_of_positions_mends_the_motor_that_is_explained_worst(before, after, clear):
+    found, mended = (
+        Explanation(None, evidence, None, np.array(error), *(None,) * 3)
+        for evidence, error in ((0.0, before), (30.0, after))
+    )
+    model = SimpleNamespace(
+        errors=lambda one: one.error,
+        near=lambda *_: True,
+        explains=lambda *_, **__: True,
+        beside_rivals=lambda one: one,
+    )
+    find = _Find("zero", (0,), after=mended, evidence=30.0, size=1.0, reach=0.1)
+    assert KINDS["zero"].assembled
+    assert bool(_clear(model, [find], found, [])) == clear
 
 
 @pytest.mark.parametrize(

@@ -489,9 +489,13 @@ class Evidence:
 
     def strange(self, found: Explanation, motors: Sequence[int]) -> bool:
         """Whether errors of motors are large, or bodies are far from the robot file's."""
-        large = found.error > STRANGE * self.sizes([found.undone])[0]
         far = float(found.values @ found.values) > FAR
-        return far or bool(large[list(motors)].any())
+        return far or bool((self.errors(found)[list(motors)] > STRANGE).any())
+
+    def errors(self, found: Explanation) -> FloatArray:
+        """Errors (d,) as parts of the motors' forces; 0 of motors without samples."""
+        parts = found.error / self.sizes([found.undone])[0]
+        return np.where(np.isin(np.arange(len(parts)), self.present), parts, 0.0)
 
     def near(self, after: Explanation, before: Explanation) -> bool:
         """Whether bodies are as near to the robot file as before, or as those that are off by half.

@@ -536,12 +536,15 @@ def _clear(
 
     Those of which no rival is as likely: a force that the robot file lacks, or other bodies.
     """
-    clear = list[_Find]()
+    clear, errors = list[_Find](), model.errors(found)
+    worst, large = int(errors.argmax()), bool(errors.max() > STRANGE)
     for find in finds:
         again = any((find.kind, find.motors) == (one.kind, one.motors) for one in undone)
         again |= KINDS[find.kind].fields == ("gain",) and any(one.own for one in undone)
         worth = find.worth(found) and model.near(find.after, found)
         worth &= model.explains(find.after, find.motors, find.shape, whole=find.kind == "sign")
+        if KINDS[find.kind].assembled and large:  # sought for large errors, so it mends these
+            worth &= find.after.error[worst] <= BETTER * found.error[worst]
         if worth and not again and find.evidence - found.evidence >= EVIDENCE:
             clear.append(find)
     if not clear:
