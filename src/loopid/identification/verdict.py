@@ -39,9 +39,7 @@ AROUND = 0.1  # in s, that are left out beside a short time in which errors stan
 # Error on a motor's own data as a part of that on new data. A model that lacks something errs on
 # both; below this, the data are too few for it.
 TOO_FEW = 0.1
-MOST = (
-    0.5  # part of the samples in motion whose forces are the same, from which on steps are coarse
-)
+MOST = 0.5  # part of the samples in motion with the same force, from which on its steps are coarse
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
 # What a fit is fit for, in words.
 NOT_FIT, ROUGHLY = "Not fit for use", "Fit for rough predictions of forces"
