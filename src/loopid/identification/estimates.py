@@ -118,6 +118,7 @@ class Estimates(Tabular):
     broken: tuple[str, ...] = ()
     unexplained: tuple[str, ...] = ()
     ripples: Ripples | None = None
+    offset_errors: FloatArray | None = None
 
     def __post_init__(self) -> None:
         shape, freedoms = self.values.shape, self.degrees_of_freedom.shape
@@ -185,8 +186,10 @@ class Estimates(Tabular):
     @property
     def standard_errors(self) -> FloatArray:
         """Standard deviations (n,) of the estimates."""
-        variances = np.maximum(np.diag(self.covariance), 0.0)  # of exact values they are round-off
-        return np.asarray(np.sqrt(variances), dtype=np.float64)
+        squares = np.maximum(np.diag(self.covariance), 0.0)  # of exact values they are round-off
+        if self.offset_errors is not None:
+            squares = squares + np.square(self.offset_errors).sum(axis=1)
+        return np.asarray(np.sqrt(squares), dtype=np.float64)
 
     @property
     def relative_std(self) -> FloatArray:
@@ -255,6 +258,8 @@ class Estimates(Tabular):
         if known is None or values is None or model is None:
             return {}
         variance = known.beside + variances(known.gain, self.covariance)
+        if self.offset_errors is not None:
+            variance = variance + np.square(known.gain @ self.offset_errors).sum(axis=1)
         errors = np.sqrt(variance)
         freedom = np.minimum(known.degrees_of_freedom, self.degrees_of_freedom.min())
         # One that is a parameter of the fit itself has its interval there.

@@ -40,7 +40,7 @@ from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import segments_of
 from loopid.identification.lengths import length_forces
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, with_errors
+from loopid.identification.result import Fit
 from loopid.identification.terms import KNOWN_OFFSET
 from loopid.logs.recording import Recording
 from loopid.records import record
@@ -382,7 +382,8 @@ def with_offsets(fit: WorkingFit, motors: Sequence[str]) -> Fit:
     """The result of a fit whose intervals hold that these motors may have an offset.
 
     Before any data it is 0 ± ``KNOWN_OFFSET`` times the motor's force, and m ± s beside the fit's
-    values. These stay those without, so that m and s are both errors of theirs.
+    values. These stay those without, so that m and s are both errors of theirs. Predicted forces
+    hold none of it: what moves the values makes up for the offset.
     """
     result, samples = fit.result, fit.samples
     rows = [samples.actuators.index(motor) for motor in motors]
@@ -395,7 +396,7 @@ def with_offsets(fit: WorkingFit, motors: Sequence[str]) -> Fit:
         beside = within_runs(_beside(fit, columns, "offset", of_unit_size=True)).result
         spread = np.linalg.cholesky(beside.covariance[-k:, -k:])
         moved = fit.response(columns) @ np.column_stack([spread, beside.values[-k:]])
-    return with_errors(result, moved, np.inf)
+    return replace(result, offset_errors=moved)
 
 
 def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> States:

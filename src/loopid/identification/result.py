@@ -91,6 +91,9 @@ class Fit(Estimates):
         Waves of forces over positions of motors, which estimates are beside.
     unexplained : tuple of str
         The force whose errors on new data are too large for any use, in a sentence, if any.
+    offset_errors : FloatArray or None
+        (n, k), what offsets that were left out may move the estimates by; intervals of these hold
+        it beside the covariance.
 
     Examples
     --------
