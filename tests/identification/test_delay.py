@@ -306,6 +306,17 @@ def test_a_log_with_another_delay_than_the_others_is_named_and_made_like_them(ca
     assert find_delay(model, judging, cutoff=BAND).common == pytest.approx(-usual, abs=0.002)
 
 
+def test_no_log_is_moved_that_cannot_be_told_of(case, monkeypatch):
+    """As where the common delay, which tells of it, is not known."""
+    model, _, log = case
+    monkeypatch.setattr(delay_module, "_delay_of", lambda *_: None)
+    logs = [replace(noisy(log, late, k), name=f"log {k}") for k, late in enumerate((0.0, 0.04))]
+    given = tuple(prepared(model, each) for each in logs)
+    found = in_time(model, [given])
+    assert found.delay is None
+    assert found.groups == (given,)
+
+
 @pytest.mark.parametrize(("times", "named"), [(0.9, False), (1.1, True)])
 def test_a_log_differs_from_the_middle_one_by_more_than_its_interval_is_wide(
     case, monkeypatch, times, named

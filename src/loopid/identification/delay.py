@@ -424,6 +424,8 @@ def in_time(
         choice, at = cutoff_and_samples(force_model, kept[0], n_jobs=n_jobs)
         logged = _logged(kept[0])
     delay = _delay_of(force_model, logged, None if choice is None else choice.chosen, at)
+    if delay is None and of_logs:  # nothing is undone that is not told
+        return in_time(force_model, groups, undo=False, n_jobs=n_jobs)
     if delay is not None:
         delay = replace(delay, of_logs=of_logs)
     if delay is None or not delay.clear:
