@@ -298,14 +298,9 @@ class ForceModel:
         )
 
     def with_terms(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
-        """The same model with other joint terms.
+        """The same model with other joint terms, by joints.
 
         Base parameters stay the same where they can; otherwise they are searched for.
-
-        Parameters
-        ----------
-        kinds : mapping
-            Of each joint, as of ``JointTerms``.
         """
         terms = JointTerms.of_kinds(kinds, self.joint_terms)
         kept = KeptChoice(dependent=self.base.parameters.select(self.base.dependent).labels)
@@ -463,18 +458,18 @@ class ForceModel:
         assert history is not None
         needed = {need for j in columns for need in self._needs(j)}
 
-        def of_joint(what: str) -> Any:
-            def field_of(motion: ClosedMotion) -> FloatArray:
-                if what == "load":
-                    return terms.loads(self.robot, motion)[0][joint]
-                return np.asarray(getattr(joint_state(self.robot, motion, joint), what))
+        wanted = [name for name in ("position", "acceleration", "load") if name in needed]
 
-            return history.of_motion(self.robot, field_of)
+        def values(motion: ClosedMotion) -> FloatArray:
+            loads, _ = terms.loads(self.robot, motion)
+            state = joint_state(self.robot, motion, joint)._replace(load=loads.get(joint))
+            return np.stack([getattr(state, name) for name in wanted], axis=1)
 
         rate = history.of_joint(self.robot, joint)
-        more = {n: of_joint(n) for n in ("position", "acceleration", "load") if n in needed}
-        load = more.pop("load", None)
-        found = terms.state(JointState(None, rate, None)._replace(**more), load)
+        found = terms.state(JointState(None, rate, None))
+        if wanted:
+            more = history.of_motion(self.robot, values).T
+            found = found._replace(**dict(zip(wanted, more, strict=True)))
         own = terms.displacements.get(joint)
         return found._replace(slips=slips_along(history.ways(rate), own)) if own else found
 
@@ -496,15 +491,8 @@ class ForceModel:
             start = rows.stop
             if recording.history:
                 W[rows][:, :, columns] = self._filtered(recording, columns, loads[rows])
-                continue
-            whole = recording.motion.closed(self.robot)
-            assert self.joint_terms is not None
-            slips = self.joint_terms.slips(self.robot, whole.configurations)
-            terms = self.joint_terms.columns(self.robot, whole, slips=slips)
-            first = len(self.base.parameters) - terms.shape[2]
-            W[rows][:, :, columns] = terms[:, :, self.base.base[columns] - first]
-            place, own = self.load_columns
-            W[rows][:, place, own] *= np.abs(loads[rows][:, place])
+            else:
+                W[rows][:, :, columns] = self.regressor(recording.motion)[:, :, columns]
         return replace(samples, parameters=self.parameters, regressor=W)
 
 
@@ -723,12 +711,7 @@ def reference_instruments(
             f"the reference must have configurations of {nq} numbers, as the recording has, not "
             f"{reference.configurations.shape[1]}"
         )
-    rows = _nearest(np.asarray(reference.time), np.asarray(recording.motion.time))
-    return force_model.regressor(reference.select(rows), n_jobs=n_jobs)
-
-
-def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
-    """Numbers (N,) of the times nearest to wanted ones."""
+    times, wanted = np.asarray(reference.time), np.asarray(recording.motion.time)
     if len(times) < 2:
         raise DataError(f"the reference must have at least two samples, not {len(times)}")
     reach = float(np.diff(times).max())  # a step before its start, and after its end
@@ -737,4 +720,5 @@ def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
             f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "
             f"{wanted.min():.6g} to {wanted.max():.6g} s"
         )
-    return np.rint(np.interp(wanted, times, np.arange(len(times)))).astype(np.int64)
+    rows = np.rint(np.interp(wanted, times, np.arange(len(times)))).astype(np.int64)
+    return force_model.regressor(reference.select(rows), n_jobs=n_jobs)
