@@ -8,7 +8,7 @@ anywhere. Errors in it are raised at registration, or when it first meets a join
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite, nan
 from typing import Any, Literal, NamedTuple
@@ -448,6 +448,12 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
         )
     JOINT_TERMS.found[kind] = replace(term, at=at)
     return JOINT_TERMS.found[kind]
+
+
+def signals(kinds: Sequence[str], joint: JointState, count: int) -> FloatArray:
+    """What coefficients of kinds (k,) multiply in ``count`` states of a joint, (count, k)."""
+    found = [joint_term(kind).signal(joint, count) for kind in kinds]
+    return np.array(found).reshape(len(kinds), count).T
 
 
 def grouped(kind: str) -> bool:
