@@ -99,7 +99,7 @@ class Reduction:
     @property
     def fit(self) -> Fit:
         """All parameters: as fitted where supported, elsewhere ``assumed`` at their reference."""
-        return of_all(self.result, self.parameters, np.array(self.columns), self.reference)
+        return of_all(self.result, self.parameters, self.reference)
 
     def __repr__(self) -> str:
         names = self.result.parameters.names
