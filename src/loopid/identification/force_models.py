@@ -25,13 +25,7 @@ from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.progress import Progress
 from loopid.records import read_only, record
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
-from loopid.regressors.joint_terms import (
-    JointTerms,
-    joint_state,
-    load_places,
-    warn_of_omitted,
-    with_loads,
-)
+from loopid.regressors.joint_terms import JointTerms, joint_state, load_places, warn_of_omitted
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.regressors.structural import structural_observation
@@ -203,9 +197,12 @@ class ForceModel:
 
     def loaded(self, regressor: FloatArray) -> FloatArray:
         """A regressor (N, dof, n) per unit of load, with the loads of the motors."""
-        if not len(self.load_columns[1]):
+        rows, columns = self.load_columns
+        if not len(columns):
             return regressor
-        return with_loads(regressor, self.load_columns, self.loads(regressor))
+        found = np.array(regressor)
+        found[:, rows, columns] *= np.abs(self.loads(regressor))[:, rows]
+        return found
 
     def with_loads(self, values: FloatArray, standard: FloatArray | None = None) -> ForceModel:
         """The same model with gears that carry the bodies of values (n,).
