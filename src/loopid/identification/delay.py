@@ -2,26 +2,17 @@
 
 Forces that come d late belong to a motion d earlier: τ(t + d) = W(t) φ. Where the shift s of the
 forces is not d, the best fit leaves residuals, whatever the base parameters φ. All of them are
-fitted at each shift, beside an offset, the inertia and the friction of each drive, that which grows
-with load and ripple included. Else what a force model lacks would look like a delay. Friction that
-builds up after a reversal does, beside the sign of the velocity. So the delay is found twice. Plain
-friction beside it is sharp. Maxwell slip of each motor, too, is right in any case
-(``maxwell_slip.py``). The sharp one is taken where the evidence has no slip in any motor. Nor may
-the other one clearly be another.
+fitted at each shift, beside what a force model may lack: else this would look like a delay.
+Friction that builds up after a reversal does, beside the sign of the velocity. So the delay is
+found twice: beside plain friction, which is sharp, and beside Maxwell slip of each motor, which is
+right in any case (``maxwell_slip.py``).
 
 One orthonormal basis of W serves all shifts, whose forces are right-hand sides of it. From the best
 of them Newton's method goes on. It ends where residuals are orthogonal to derivatives of the
-predicted forces by time, in a column a motor. Noise of positions is in these columns, too: they are
-instruments for the derivatives of the measured forces [Janot2014]. Intervals allow for
-autocorrelated errors as all others do (``correlation.py``).
-
-Most informative of a delay is where friction changes sides, in a wide band, where there is most
-noise of positions, too. The widest band that is looked at is that around which estimates change
-least (``cutoff.py``). Narrower ones follow. One is taken where delays of the motors are better
-known, and agree.
-
-Before that each of several logs has a delay of its own, of all its motors. One that is clearly far
-from those of the others is undone in its log.
+predicted forces by time. Noise of positions is in these, too: they are instruments for the
+derivatives of the measured forces [Janot2014]. The widest band that is looked at is that around
+which estimates change least (``cutoff.py``). Narrower ones follow. Before that each of several logs
+has a delay of its own; one that is clearly far from those of the others is undone in its log.
 """
 
 from __future__ import annotations
