@@ -74,12 +74,6 @@ class CutoffChoice(WithFindings):
     bound: str = ""
     equally_good: FloatArray = field(default_factory=lambda: np.zeros(0))
 
-    def __repr__(self) -> str:
-        return (
-            f"<CutoffChoice: {self.chosen:.3g} Hz, of {len(self.cutoffs)} from "
-            f"{self.cutoffs[0]:.3g} to {self.cutoffs[-1]:.3g} Hz>"
-        )
-
     @property
     def findings(self) -> tuple[Finding, ...]:
         """A choice at a bound of its range."""

@@ -8,7 +8,7 @@ are forces of each motor that have another size or zero from then on, or drift.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -141,7 +141,11 @@ class _Products:
         self.left = max(float(whole[n, n] - whole[:n, n] @ self.values), RIDGE)
         # The mean square.
         self.error = self.left * self.sizes[n] ** 2 / max(int(data.used.sum()), 1)
-        self.bodies = [*_by_body(force_model, force_model.matrix * self.sizes[:n, None])]
+        # Columns (n, k) of the mass and centre of each body that has an effect.
+        matrix, named = force_model.matrix * self.sizes[:n, None], force_model.base.parameters
+        links = np.array([p.link if p.kind in GRAVITY_KINDS else "" for p in named])
+        bodies = (matrix[:, links == link] for link in dict.fromkeys(links) if link)
+        self.bodies = [body for body in bodies if body.any()]
 
     def _of(self, rows: slice, beside: FloatArray | None = None) -> FloatArray:
         """Products (n + 1, n + 1) of samples; with columns (N, dof, k) of all, after the force."""
@@ -224,12 +228,3 @@ class _Products:
             error = (force - beside @ self.values) / sizes
             gains.append(float(error @ np.linalg.pinv(own, SEEN, hermitian=True) @ error))
         return max(1 - max(gains) / self.left, 0.0)
-
-
-def _by_body(force_model: ForceModel, matrix: FloatArray) -> Iterator[FloatArray]:
-    """Columns (n, k) of the mass and centre of each body that has an effect, of (n, p)."""
-    named = force_model.base.parameters
-    for link in dict.fromkeys(each.link for each in named):
-        own = [k for k, p in enumerate(named) if p.link == link and p.kind in GRAVITY_KINDS]
-        if matrix[:, own].any():
-            yield matrix[:, own]

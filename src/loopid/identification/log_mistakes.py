@@ -438,8 +438,8 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
         likely = sorted(likely, key=lambda each: -each[0])[:CLOSELY]
     plain = [(one, 0.0) for *_, one in likely if not KINDS[one[0]].sizes]
     sized = _sized(first, found, [one for *_, one in likely if KINDS[one[0]].sizes])
-    sized = [(_as_heavy(first, found, one), deviation) for one, deviation in sized]
-    return _closely(model, found, [*sized, *plain])
+    heavy = [(_as_heavy(first, found, one), deviation) for one, deviation in sized]
+    return _closely(model, found, [*heavy, *plain])
 
 
 def _of_own_gains(model: Evidence, found: Explanation) -> list[_Find]:
