@@ -22,7 +22,6 @@ from loopid.motion.trajectories import (
     Arc,
     FourierCurve,
     Motion,
-    SplineCurve,
     Waypoint,
     point_to_point,
 )
@@ -207,18 +206,7 @@ class FourierStep(Section):
             inside.refuse(str(error))
 
 
-class SplineStep(Section):
-    """A spline through poses at equal times and back, from rest to rest."""
-
-    spline: Annotated[list[Pose], Field(min_length=1)]
-    seconds: Positive
-
-    def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
-        through = [place.at("spline").pose(pose, here) for pose in self.spline]
-        return [Waypoint(here, self.seconds, curve=SplineCurve(np.array(through) - here))]
-
-
-KINDS = ("hold", "to", "repeat", "there_and_back", "fourier", "spline")
+KINDS = ("hold", "to", "repeat", "there_and_back", "fourier")
 
 
 def _kind(content: Any) -> str | None:
@@ -234,8 +222,7 @@ Step = Annotated[
     | Annotated[MoveStep, Tag("<to>")]
     | Annotated[RepeatStep, Tag("<repeat>")]
     | Annotated[ThereAndBackStep, Tag("<there_and_back>")]
-    | Annotated[FourierStep, Tag("<fourier>")]
-    | Annotated[SplineStep, Tag("<spline>")],
+    | Annotated[FourierStep, Tag("<fourier>")],
     Discriminator(
         _kind,
         custom_error_type="step",
