@@ -18,13 +18,7 @@ from loopid.errors import DataError, OptionError, RobotFileError, unknown_word
 from loopid.kinematics.sampling import SINGULARITY_THRESHOLD
 from loopid.loading.files import find_motion_file
 from loopid.motion.joints import MotionReview, joint_motion, review_motion
-from loopid.motion.trajectories import (
-    Arc,
-    FourierCurve,
-    Motion,
-    Waypoint,
-    point_to_point,
-)
+from loopid.motion.trajectories import Arc, FourierCurve, Motion, Waypoint, point_to_point
 from loopid.records import record
 from loopid.robot.robot import Robot
 from loopid.yaml_files import placing, read_yaml, yaml_writer
@@ -277,10 +271,6 @@ class PlannedMotion:
     start: FloatArray  # (c,) in m or rad
     waypoints: tuple[Waypoint, ...]  # repeats and ways back are written out
 
-    def __repr__(self) -> str:
-        ways = len(self.waypoints)
-        return f"<PlannedMotion {self.name!r:.200}: {ways} waypoints, {self.seconds:g} s>"
-
     @property
     def seconds(self) -> float:
         """How long it takes."""
@@ -304,10 +294,6 @@ class MotionProgram:
     coordinates: tuple[str, ...]
     rate: float  # samples per second where none is given
     plans: tuple[PlannedMotion, ...]  # in the order of the file
-
-    def __repr__(self) -> str:
-        names = f"{', '.join(self.motions):.500}"
-        return f"<MotionProgram {self.path.name}: {names} of {', '.join(self.coordinates)}>"
 
     @property
     def motions(self) -> dict[str, PlannedMotion]:

@@ -112,7 +112,7 @@ class FourierCurve:
 
     @staticmethod
     def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
-        """``count`` sines and cosines, their rates and accelerations (3, N, count) at times (N,)."""
+        """``count`` sines and cosines and their derivatives, (3, N, count) at times (N,)."""
         omega = 2 * np.pi / seconds * np.arange(1, count // 2 + 1)
         sine, cosine = np.sin(np.outer(time, omega)), np.cos(np.outer(time, omega))
         position = np.concatenate([sine, cosine - 1], axis=1)
@@ -328,12 +328,6 @@ class FourierSeries:
                 f"offset, sine and cosine must have shapes (c,), (c, harmonics) and (c, harmonics) "
                 f"with c = {len(self.names)}, not {shapes}"
             )
-
-    def __repr__(self) -> str:
-        return (
-            f"<FourierSeries of {', '.join(self.names)}: {self.sine.shape[1]} harmonics of "
-            f"{self.frequency:g} Hz>"
-        )
 
     @property
     def period(self) -> float:
