@@ -9,13 +9,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import null_space
 
 from loopid.arguments import FloatArray
-from loopid.errors import OptionError
 from loopid.motion.trajectories import (
     FourierCurve,
     Motion,
@@ -36,17 +34,6 @@ class Shape(ABC):
 
     seconds: float
     size: int  # harmonics or poses
-
-    least: ClassVar[int]  # size that can move
-
-    def __post_init__(self) -> None:
-        if self.size < self.least:
-            raise OptionError(
-                f"a motion from rest to rest takes a size of {self.least} at least, not "
-                f"{self.size}",
-                size=self.size,
-                least=self.least,
-            )
 
     @property
     @abstractmethod
@@ -82,8 +69,6 @@ class Shape(ABC):
 class FourierShape(Shape):
     """One period of a Fourier series."""
 
-    least = 2
-
     @property
     def samples(self) -> int:
         return SAMPLES_OF_PERIOD * self.size
@@ -116,8 +101,6 @@ class FourierShape(Shape):
 
 class PosesShape(Shape):
     """Poses to stand in half of the time, with the ways between them."""
-
-    least = 2
 
     @property
     def samples(self) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from html import escape
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from loopid.kinematics.measured import platform_motion
 from loopid.kinematics.projection import ClosedMotion, closed_motion, singularity_measure
 from loopid.kinematics.sampling import SINGULARITY_THRESHOLD
 from loopid.motion.trajectories import Motion
-from loopid.parameters import html_table
 from loopid.records import record
 from loopid.robot.robot import Robot, lock_options
 
@@ -56,12 +54,6 @@ class JointMotion:
 
     def __len__(self) -> int:
         return len(self.time)
-
-    def __repr__(self) -> str:
-        return (
-            f"<JointMotion of {self.velocities.shape[1]} independent coordinates: {len(self)} "
-            f"samples, singularity measure from {self.singularity.min(initial=np.inf):.3g}>"
-        )
 
     def select(self, rows: BoolArray | IntArray | slice) -> JointMotion:
         """Some of the samples, by a mask (N,), by number or as a slice."""
@@ -162,14 +154,6 @@ class MotionReview:
     def __repr__(self) -> str:
         found = "; ".join(self.problems) or "nothing speaks against the motion"
         return f"<MotionReview of {len(self.ranges)} joints: {found:.500}>"
-
-    def _repr_html_(self) -> str:
-        rows = [
-            (r.joint, *(f"{x:.4f}" for x in (r.lowest, r.highest, r.lower, r.upper, r.clearance)))
-            for r in self.ranges
-        ]
-        head = ("joint", "lowest", "highest", "lower limit", "upper limit", "clearance")
-        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
 
     @property
     def problems(self) -> tuple[str, ...]:

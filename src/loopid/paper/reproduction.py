@@ -398,15 +398,6 @@ class PaperReproduction:
     two_steps: TwoSteps  # friction first, gravity second
     actual: ActualFit  # Table V, figures 5 and 6
 
-    def __repr__(self) -> str:
-        rows, motions, rate = self.base.rows, self.experiment.motions, self.experiment.rate
-        logs = ", ".join(self.actual.sources)
-        return (
-            f"PaperReproduction: {len(rows) - rows.count(None)} of {len(rows)} rows of Table II "
-            f"found, {len(motions)} trajectories at {rate:g} Hz, Table V from "
-            f"{'a simulated stand-in' if self.actual.is_stand_in else logs}"
-        )
-
 
 @checked
 def reproduce_paper(
