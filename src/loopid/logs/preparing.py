@@ -6,7 +6,7 @@ Each step is a function that can be called alone; ``prepare`` calls them one by 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations, pairwise
@@ -411,49 +411,33 @@ def kept_rows(
     return np.concatenate(rows), ends
 
 
-def measured_motion(robot: Robot, log: Log, signals: Signals) -> FreeMotion:
-    """Motors and free joints along a log."""
-    logged, motors = free_motion(robot, log, signals.free), robot.velocity_indices(log.joints)
-    q = JointCoordinates(robot, log.joints).write(logged.configurations, signals.position)
-    logged.velocities[:, motors] = signals.velocity
-    logged.accelerations[:, motors] = signals.acceleration
-    return logged._replace(configurations=q)
-
-
-# ---- joints that no motor moves ------------------------------------------------------------------
-
-
-class FreeMotion(NamedTuple):
-    """Free joints along a log; all other coordinates are zero, or as at the reference."""
+class LoggedMotion(NamedTuple):
+    """Motors and free joints along a log; other coordinates are zero, or as at the reference."""
 
     configurations: FloatArray  # (N, nq)
     velocities: FloatArray  # (N, nv)
     accelerations: FloatArray
 
 
-def free_motion(robot: Robot, log: Log, free: Mapping[str, FloatArray]) -> FreeMotion:
-    """Joints (N, k) of a log that no motor moves, filtered, and their derivatives."""
+def measured_motion(robot: Robot, log: Log, signals: Signals) -> LoggedMotion:
+    """Motors along a log, and joints that no motor moves with their derivatives."""
     q = np.tile(robot.reference, (len(log), 1))
-    for name, values in free.items():
-        _write(robot, name, q, values)
-    if log.static or not free:
-        return FreeMotion(q, *np.zeros((2, len(log), robot.model.nv)))
-    steps = difference(robot, q[:-1], q[1:])
-    way = np.concatenate([np.zeros((1, robot.model.nv)), np.cumsum(steps, axis=0)])
-    v = log.by_part(differentiate, way)
-    return FreeMotion(q, v, log.by_part(differentiate, v))
-
-
-def _write(robot: Robot, name: str, q: FloatArray, values: FloatArray) -> None:
-    """Put values (N, k) of a joint into configurations (N, nq), in place."""
-    joint = robot.joint(name)
-    samples(values, 1 if joint.nv == 1 else joint.nq, name)
-    if joint.nv == 1:
-        q[:] = JointCoordinates(robot, [name]).write(q, values)
-        return
-    turns = values[:, 3:] / np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
-    own = slice(joint.idx_q, joint.idx_q + joint.nq)
-    q[:, own] = np.concatenate([values[:, :3], turns], axis=1)
+    for name, values in signals.free.items():
+        joint = robot.joint(name)
+        samples(values, 1 if joint.nv == 1 else joint.nq, name)
+        if joint.nv == 1:
+            q = JointCoordinates(robot, [name]).write(q, values)
+        else:
+            turns = values[:, 3:] / np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
+            q[:, joint.idx_q : joint.idx_q + joint.nq] = np.hstack([values[:, :3], turns])
+    v, a = np.zeros((2, len(log), robot.model.nv))
+    if signals.free and not log.static:
+        steps = difference(robot, q[:-1], q[1:])
+        v = log.by_part(differentiate, np.pad(np.cumsum(steps, axis=0), ((1, 0), (0, 0))))
+        a = log.by_part(differentiate, v)
+    motors = robot.velocity_indices(log.joints)
+    v[:, motors], a[:, motors] = signals.velocity, signals.acceleration
+    return LoggedMotion(JointCoordinates(robot, log.joints).write(q, signals.position), v, a)
 
 
 # ---- assembly ----------------------------------------------------------------------------------
@@ -587,7 +571,7 @@ def _assembled(
 
 
 def motion_of(
-    robot: Robot, log: Log, logged: FreeMotion, rows: IntArray, found: Assembled
+    robot: Robot, log: Log, logged: LoggedMotion, rows: IntArray, found: Assembled
 ) -> JointMotion:
     """What all joints do at rows (K,) that are assembled, with bases as measured."""
     q, independent = found.configurations, robot.velocity_indices(robot.independent)
