@@ -176,15 +176,18 @@ def motions(
     singularity_threshold: float = Option(0.02, help="Least singularity measure."),
 ) -> None:
     """Check motions against limits and singularities."""
-    from loopid.motion.files import read_motion_program, review_program
+    from loopid.motion.files import read_motion_program
+    from loopid.motion.joints import joint_motion, review_motion
     from loopid.report.structure import motions_report
 
     answer.require(robot.path, program)
     planned = read_motion_program(program or _bundled_motions(robot))
+    reviews = {}
     with progress_bar("motions") as report:
-        reviews = review_program(
-            robot, planned, rate, singularity_threshold=singularity_threshold, progress=report
-        )
+        for name in planned.motions:
+            motion = joint_motion(robot, planned.motion(name, rate))
+            reviews[name] = review_motion(robot, motion, singularity_threshold)
+            report(len(reviews), len(planned.motions))
     answer.show(motions_report(robot.name, reviews, planned.seconds))
 
 
@@ -223,7 +226,8 @@ def simulate(
     """Write the log of a simulated robot, to try identify."""
     from loopid.loading.files import own_files
     from loopid.motion.files import read_motion_program
-    from loopid.motion.simulation import Noise, simulate_log
+    from loopid.motion.simulation import Noise, scaled_bodies, simulate as simulated
+    from loopid.regressors.joint_terms import JointTerms
 
     if out is not None:
         require_name(out, "the log")
@@ -231,7 +235,16 @@ def simulate(
         require_ending(out, LOG_ENDINGS)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     planned = read_motion_program(program or _bundled_motions(robot)).motion(motion, rate)
-    text = simulate_log(robot, planned, errors, terms=terms, cad_error=cad_error, seed=seed)
+    chosen, values = JointTerms.with_values(robot, terms)
+    text = simulated(
+        robot,
+        planned,
+        errors,
+        seed=seed,
+        standard_parameters=scaled_bodies(robot, cad_error, seed=seed),
+        joint_terms=chosen,
+        joint_values=values,
+    ).text
     if out is None:
         typer.echo(text, nl=False)
     else:
