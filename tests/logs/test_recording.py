@@ -359,17 +359,6 @@ def test_samples_that_do_not_assemble_are_left_out(knee, log, truth):
     assert np.abs(recording.motion.configurations - exact)[outside].max() < 1e-4
 
 
-def test_positions_whose_exchange_would_close_all_loops_are_named(knee):
-    motion = wander(knee, seed=1, seconds=30.0)
-    position = JointCoordinates(knee, knee.actuated).read(motion.configurations.copy())
-    force = np.random.default_rng(0).normal(size=position.shape)
-    swapped = position[:, [1, 0, 2, 3]]
-    log = Log.from_arrays(motion.time[:300], swapped[:300], force[:300], knee.actuated, name="run")
-    closing = "all close with the positions of leg1_stroke and leg2_stroke exchanged"
-    with pytest.warns(DataWarning, match=rf"loops do not close in .*; {closing}: left out"):
-        prepared(knee, log, cutoff=None)
-
-
 def test_a_log_of_another_robot_does_not_assemble(knee, log):
     short = altered(log, slice(0, 500))
     position = short.position + np.array([0.0, 0.0, 0.0, 0.1])
