@@ -14,7 +14,6 @@ from loopid.kinematics import (
     platform_coordinates,
     random_configurations,
 )
-from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import singularity_measure
 from loopid.logs import FilterOptions, Log, LogMapping, read_log
 from loopid.logs.preparing import (
@@ -35,7 +34,7 @@ from loopid.logs.preparing import (
 from loopid.logs.recording import least_logged
 from loopid.motion import Motion, joint_motion
 from loopid.motion.filtering import differentiate
-from made_runs import quietly, wander
+from made_runs import quietly
 from real_streams import read_stream
 
 

@@ -15,14 +15,7 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    checked,
-    row_blocks,
-    samples,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_blocks, samples
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, first_of, warn
 from loopid.findings import Finding
 from loopid.kinematics.assembly import Assembly, try_assemble
