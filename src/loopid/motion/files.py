@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,15 +12,12 @@ from typing import Annotated, Any, NoReturn
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from loopid.arguments import FloatArray, NotNegative, Positive, checked
+from loopid.arguments import FloatArray, Positive, checked
 from loopid.border import Section
 from loopid.errors import DataError, OptionError, RobotFileError, unknown_word
-from loopid.kinematics.sampling import SINGULARITY_THRESHOLD
 from loopid.loading.files import find_motion_file
-from loopid.motion.joints import MotionReview, joint_motion, review_motion
 from loopid.motion.trajectories import Arc, FourierCurve, Motion, Waypoint, point_to_point
 from loopid.records import record
-from loopid.robot.robot import Robot
 from loopid.yaml_files import placing, read_yaml, yaml_writer
 
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
@@ -399,22 +396,3 @@ def motion_text(
     content = {"coordinates": list(coordinates), "rate": rate, "motions": {name: motion}}
     yaml_writer().dump(content, text)
     return text.getvalue()
-
-
-@checked
-def review_program(
-    robot: Robot,
-    program: MotionProgram,
-    rate: float | None = None,
-    *,
-    singularity_threshold: NotNegative = SINGULARITY_THRESHOLD,
-    progress: Callable[[float, float], None] | None = None,
-) -> dict[str, MotionReview]:
-    """Reviews of every motion of a file by name; see ``review_motion``."""
-    reviews: dict[str, MotionReview] = {}
-    for name in program.motions:
-        motion = joint_motion(robot, program.motion(name, rate))
-        reviews[name] = review_motion(robot, motion, singularity_threshold)
-        if progress is not None:
-            progress(len(reviews), len(program.motions))
-    return reviews

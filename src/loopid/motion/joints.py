@@ -6,8 +6,8 @@ from dataclasses import fields
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, checked, chosen, finite
-from loopid.errors import DataError, OptionError
+from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, checked, chosen, shaped
+from loopid.errors import OptionError
 from loopid.kinematics.assembly import assemble
 from loopid.kinematics.measured import platform_motion
 from loopid.kinematics.projection import ClosedMotion, closed_motion, singularity_measure
@@ -40,17 +40,10 @@ class JointMotion:
     singularity: FloatArray  # (N,), see ``Projection.singularity``
 
     def __post_init__(self) -> None:
-        count = finite(self.time, "time").shape[:1]
         for name in (field.name for field in fields(self)):
-            values = finite(getattr(self, name), name)
-            axes = 1 if name in ("time", "singularity") else 2
-            if values.ndim != axes or values.shape[:1] != count:
-                shape = "(samples,)" if axes == 1 else "(samples, coordinates)"
-                raise DataError(
-                    f"{name} must have shape {shape} with the {count[0] if count else 0} samples "
-                    f"of time, not {values.shape}"
-                )
-            object.__setattr__(self, name, values)
+            values = getattr(self, name)
+            width = () if name in ("time", "singularity") else np.shape(values)[1:2] or (1,)
+            object.__setattr__(self, name, shaped(values, name, len(self.time), *width))
 
     def __len__(self) -> int:
         return len(self.time)

@@ -174,11 +174,8 @@ def run_experiment(
 class ForceShares:
     """Figures 2 and 3: what the motors' forces are made of."""
 
-    trajectory: str  # of the series
     time: FloatArray  # (N,) in s
-    inertial: FloatArray  # (N, 4) in N, as the next three
-    coriolis: FloatArray
-    gravity: FloatArray
+    parts: ForceParts  # (N, 4) each, as friction
     friction: FloatArray
     greatest: dict[str, FloatArray]  # absolute, (4,) of each part but friction, over all nine
 
@@ -192,10 +189,8 @@ def force_shares(experiment: Experiment) -> ForceShares:
         )
         for part in ("inertial", "coriolis", "gravity")
     }
-    parts = experiment.parts[SHOWN]
-    friction = friction_forces(experiment.samples[SHOWN])
-    series = parts.inertial, parts.coriolis, parts.gravity, friction
-    return ForceShares(SHOWN, experiment.motions[SHOWN].time, *series, greatest)
+    friction, time = friction_forces(experiment.samples[SHOWN]), experiment.motions[SHOWN].time
+    return ForceShares(time, experiment.parts[SHOWN], friction, greatest)
 
 
 def simulate_stand_in(
