@@ -9,24 +9,16 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations, pairwise
+from itertools import pairwise
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    checked,
-    row_blocks,
-    samples,
-    spread_rows,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_blocks, samples
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, first_of, warn
 from loopid.findings import Finding
-from loopid.kinematics.assembly import Assembly, AssemblyOptions, try_assemble
+from loopid.kinematics.assembly import Assembly, try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import difference
 from loopid.kinematics.projection import project, singularity_measure
@@ -43,9 +35,6 @@ from loopid.robot.robot import Robot
 Threshold: TypeAlias = Annotated[float, Field(ge=0, le=1)]
 LEAST_SAMPLES = 3  # what it takes to differentiate
 BLOCK = 8192  # samples assembled together: fewer repeat the coarse steps, more take memory
-# Where more of the samples do not close, exchanged columns are tried in some of them, and given
-# up where less than this part of the way between two can be gone at a time.
-MANY_OPEN, TRIED, SHORTEST_STEP = 0.01, 60, 0.1
 NO_SHARE = 1e-9  # of a motor's largest share: round-off, the motor does not act there
 # A frozen motor goes on by a multiple of its fastest way in a sample, or stops this many times as
 # fast as it ever changes its speed, while another goes through this part of its range.
@@ -487,13 +476,10 @@ def assemble_samples(
             f"{log.name}: the loops do not close in {_where(time, ~good)} (they stay open by up to "
             f"{left_open:.1e} m)"
         )
-        part = 1 - float(good.mean())
-        if part > MANY_OPEN:
-            said += _with_exchanged(robot, measured)
-        if part > UNASSEMBLED:
+        if 1 - float(good.mean()) > UNASSEMBLED:
             raise AssemblyError(
                 f"{said}: is the robot on another branch than the start, or are these not its "
-                "positions?",
+                "positions, as where two columns are exchanged?",
                 tolerance=UNASSEMBLED,
             )
         warn(f"{said}: left out", DataWarning)
@@ -580,23 +566,6 @@ def motion_of(
         q[:, pose] = logged.configurations[rows][:, pose]
     v, a = logged.velocities[rows][:, independent], logged.accelerations[rows][:, independent]
     return JointMotion(log.time[rows], q, v, a, found.singularity)
-
-
-def _with_exchanged(robot: Robot, position: FloatArray) -> str:
-    """Which two motors' positions must be exchanged for all samples to close; empty if none."""
-    position, names = position[spread_rows(len(position), TRIED)], robot.measured
-    for i, j in combinations(range(len(names)), 2):
-        order = np.arange(len(names))
-        order[[i, j]] = j, i
-        found = try_assemble(
-            robot,
-            position[:, order],
-            trajectory=True,
-            options=AssemblyOptions(shortest_step=SHORTEST_STEP),
-        )
-        if found.assembled.all():
-            return f"; all close with the positions of {names[i]} and {names[j]} exchanged"
-    return ""
 
 
 def _where(time: FloatArray, flags: BoolArray) -> str:

@@ -39,10 +39,7 @@ LARGEST_STAMP = 9 * 10**18  # ns: 1e19 would overflow, and 9e18 is the year 2255
 MOST_LISTED = 30  # columns or topics in a message
 WIDEST = 1000  # columns of a matrix: wider ones are pictures or the like
 # A time of the day, perhaps behind a date.
-CLOCK = (
-    r"^(?:(\d{4}[-/]\d\d?[-/]\d\d?)[T ])?(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?)"
-    r"(?:Z|[+-]\d\d:?\d\d)?$"
-)
+CLOCK = r"^((?:\d{4}[-/]\d\d?[-/]\d\d?[T ])?\d\d?:\d\d:\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?$"
 
 
 class Table(NamedTuple):
@@ -201,20 +198,9 @@ def _require_possible(source: str, column: polars.Series, unit: int) -> None:
 
 def _clock(text: polars.Series) -> polars.Series:
     """Times of the day in nanoseconds, from the dates before them."""
-    import polars
-
-    parts = polars.select(
-        date=text.str.extract(CLOCK, 1).str.replace_all("/", "-").str.to_date(strict=False),
-        hours=text.str.extract(CLOCK, 2).cast(polars.Int64),
-        minutes=text.str.extract(CLOCK, 3).cast(polars.Int64),
-        seconds=text.str.extract(CLOCK, 4)
-        .str.replace(",", ".")
-        .cast(polars.Decimal(38, 9))
-        .to_physical()
-        .cast(polars.Int64),
-    )
-    days = parts["date"].to_physical().cast(polars.Int64).fill_null(0)
-    return ((days * 24 + parts["hours"]) * 60 + parts["minutes"]) * (60 * 10**9) + parts["seconds"]
+    plain = text.str.extract(CLOCK).str.replace_all("/", "-").str.replace(",", ".")
+    dated = plain.str.replace(r"^\d\d?:", "1970-01-01 $0").str.replace("T", " ")
+    return dated.str.to_datetime("%F %T%.f", time_unit="ns", strict=False).to_physical()
 
 
 def _exact(cell: str | None, unit: int) -> int:
