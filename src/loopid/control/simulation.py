@@ -30,9 +30,8 @@ from loopid.regressors.maxwell_slip import slipped
 from loopid.robot.robot import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
-# Kinds of friction that may hold a joint, or are viscous; of those before a number.
-FRICTION = "Fc", "Fc+", "Fc-", "Fv", "Ft"
-NUMBERED = "Fs~", "Fk0~", "Fk~", "Fa~", "Fa1~", "Fh@"
+# What friction may follow that is simulated, and the kind that never holds a joint.
+FOLLOWED, SMOOTH = {"rate", "sign", "slip", "torque"}, "Fc~"
 VISCOUS, SLIPPING = "Fv", "Fh@"  # the latter has no friction in steady motion
 
 
@@ -153,10 +152,7 @@ class ControlLoop:
         others = [
             each.label
             for each in robot.parameters
-            if _frictional(each)
-            and not (
-                each.link in names and (each.kind in FRICTION or each.kind.startswith(NUMBERED))
-            )
+            if _frictional(each) and not (each.link in names and _simulated(each.kind))
         ]
         if others:
             raise OptionError(
@@ -318,6 +314,10 @@ class DryFriction:
 def _frictional(each: Parameter) -> bool:
     """Whether a parameter is of a force in a joint that depends on its rate."""
     return each.kind not in KINDS and bool({"rate", "sign"} & {*joint_term(each.kind).needs})
+
+
+def _simulated(kind: str) -> bool:
+    return {*joint_term(kind).needs} <= FOLLOWED and not kind.startswith(SMOOTH)
 
 
 def _slowed(A: FloatArray, b: FloatArray, least: FloatArray, x: FloatArray) -> FloatArray:

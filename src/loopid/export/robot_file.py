@@ -224,34 +224,15 @@ def _updated_links(
 def _body_parameters(
     robot: Robot, standard_parameters: FloatArray, parameters: ParameterSet | None
 ) -> FloatArray:
-    """Parameters (bodies, 4 or 10), those of tied links repeated."""
-    values = finite(standard_parameters, "standard parameters")
-    own = {model: robot.parameters(model).labels for model in reversed(MODELS)}
-    if parameters is not None:
-        if values.shape != (len(parameters),):
-            raise DataError(
-                f"standard parameters must have shape ({len(parameters)},) as their names, not "
-                f"{values.shape}",
-                shape=values.shape,
-                valid=(len(parameters),),
-            )
-        places = {label: k for k, label in enumerate(parameters.labels)}
-        known = [labels for labels in own.values() if places.keys() >= set(labels)]
-        if not known:
-            missing = next(label for label in own["gravity"] if label not in places)
-            raise DataError(f"standard parameters lack {missing}", missing=missing)
-        values = values[[places[label] for label in known[0]]]  # the full model where it is there
-    for model, labels in own.items():
-        if values.shape == (len(labels),):
-            T = robot.tie_matrix(len(MODELS[model]))
-            return np.asarray((T @ values).reshape(-1, len(MODELS[model])))
-    counts = " or ".join(f"({len(labels)},)" for labels in own.values())
-    raise DataError(
-        f"standard parameters must have shape {counts}, not {values.shape}: give their names where "
-        "joint terms are among them",
-        shape=values.shape,
-        valid=tuple((len(labels),) for labels in own.values()),
-    )
+    """Parameters (bodies, 10), or (bodies, 4) of a gravity model, those of tied links repeated."""
+    values, every = finite(standard_parameters, "standard parameters"), robot.parameters()
+    if parameters is None:
+        parameters = every if len(values) == len(every) else robot.parameters("gravity")
+    known = dict(zip(parameters.labels, values.tolist(), strict=True))
+    model = "full" if known.keys() >= {*every.labels} else "gravity"
+    own = np.array([known[label] for label in robot.parameters(model).labels])
+    count = len(MODELS[model])
+    return np.asarray((robot.tie_matrix(count) @ own).reshape(-1, count))
 
 
 def joint_terms(parameters: ParameterSet, values: FloatArray) -> Terms:

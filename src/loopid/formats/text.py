@@ -34,7 +34,6 @@ if TYPE_CHECKING:  # slow to import, and only needed to read a log
 
 ENDINGS = (".csv", ".txt", ".tsv")
 LEAST_LINES = 4  # that decide how a text is written, where they are long
-MOST_COLUMNS = 10_000
 COMMENTS = ("#", "%")
 # Of separators that do equally well, the first is taken; None is any space.
 SEPARATORS = ("\t", ";", ",", None)
@@ -284,7 +283,6 @@ def _first_lines(path: Path) -> tuple[str, list[Line]]:
             if not lines and text.startswith(COMMENTS):
                 comment = text.lstrip("".join(COMMENTS)).strip()
             elif text.strip():
-                _require_narrow(path, row, text)
                 lines.append(Line(row, text))
             looked_at += len(text)
             if len(lines) == LOOKED_AT or (looked_at > LONGEST_LINE and len(lines) >= LEAST_LINES):
@@ -292,17 +290,6 @@ def _first_lines(path: Path) -> tuple[str, list[Line]]:
     if not lines:
         raise LogError(f"{path} is empty{', but for comments' if comment else ''}", file=path)
     return comment, lines
-
-
-def _require_narrow(path: Path, row: int, text: str) -> None:
-    """Refuse a row of more cells than tables have, which takes long to be looked at."""
-    cells = max(len(text.split()), 1 + max(map(text.count, filter(None, SEPARATORS))))
-    if cells > MOST_COLUMNS:
-        raise LogError(
-            f"{path}: row {row} has some {cells:,} columns, but at most {MOST_COLUMNS:,} are read",
-            file=path,
-            tolerance=MOST_COLUMNS,
-        )
 
 
 def _separator(lines: Sequence[Line]) -> str | None:

@@ -231,34 +231,6 @@ def scaled_bodies(robot: Robot, deviation: NotNegative, *, seed: int = 0) -> Flo
     return frozen(values * np.repeat(factors, len(KINDS)))
 
 
-@checked
-def simulate_log(
-    robot: Robot,
-    motion: Motion,
-    noise: Noise | None = None,
-    *,
-    terms: str = "none",
-    cad_error: NotNegative = 0.0,
-    seed: int = 0,
-) -> str:
-    """The log that a robot would give while it follows a motion, as CSV for ``read_log``.
-
-    Terms come with values, as ``"Fc=60,Fv=900; elbow: Ks=12"``; ``cad_error`` is the deviation of
-    ``scaled_bodies``.
-    """
-    chosen, values = JointTerms.with_values(robot, terms)
-    measured = simulate(
-        robot,
-        motion,
-        noise,
-        seed=seed,
-        standard_parameters=scaled_bodies(robot, cad_error, seed=seed),
-        joint_terms=chosen,
-        joint_values=values,
-    )
-    return measured.text
-
-
 def _motor_forces(
     robot: Robot, motion: JointMotion, terms: JointTerms | None, values: FloatArray
 ) -> FloatArray:
