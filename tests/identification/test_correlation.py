@@ -101,7 +101,7 @@ def test_samples_that_inform_would_give_the_covariance_if_they_were_independent(
 def test_parameters_near_zero_are_named_once():
     W, rng = smooth_regressor(samples=200), np.random.default_rng(0)
     truth = TRUTH * [1, 1, 0, 1, 0, 1]
-    with pytest.warns(DataWarning, match=r"2 of 6 .* link2\.m \(\d+ %\), link4\.m") as caught:
+    with pytest.warns(DataWarning, match=r"2 of 6 .* link2\.m, link4\.m") as caught:
         result = fit(named_samples(W, W @ truth + 0.1 * rng.normal(size=(200, 2))))
     assert len(caught) == 1
     assert result.insignificant() == ("link2.m", "link4.m")

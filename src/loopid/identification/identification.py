@@ -85,27 +85,17 @@ class Identification(Outcome):
     def checks(self) -> tuple[tuple[bool, str], ...]:
         """What was checked, and whether it passed."""
         delay, excited, cutoff = self.delay, self.identifiability, self.cutoff
-        every, known = excited.structural_rank, excited.well_determined
-        said = [
-            (not self.mistakes, "signs, units and order of motors", "a mistake is suspected"),
-            (
-                excited.rank == every,
-                "all combinations excited",
-                f"{every - excited.rank} not excited",
-            ),
-            (
-                known == every,
-                "all known better than by the file",
-                f"{every - known} less known than by the file",
-            ),
-            (
-                self.recommended.beats_baseline,
-                "fitted bodies predict better",
-                "fitted bodies do not predict clearly better",
-            ),
-        ]
+        hidden = excited.structural_rank - excited.rank
+        unsure = excited.structural_rank - excited.well_determined
+        fitted = self.recommended.beats_baseline
+        said = [(not self.mistakes, "signs, units and order of motors", "a mistake is suspected")]
         if delay is not None:
-            said.insert(1, (not delay.clear, "no clear delay", "a delay, undone"))
+            said.append((not delay.clear, "no clear delay", "a delay, undone"))
+        said += [
+            (not hidden, "all combinations excited", f"{hidden} not excited"),
+            (not unsure, "all known better than by the file", f"{unsure} less known than by it"),
+            (fitted, "fitted bodies predict better", "fitted bodies do not predict better"),
+        ]
         if cutoff is not None:
             said.append((not cutoff.bound, "filter within its range", "filter at a bound"))
         return tuple((bool(good), text if good else other) for good, text, other in said)
