@@ -15,7 +15,7 @@ from loopid.identification.friction import friction_findings
 from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.outcome import ALL, FRACTION, Outcome
 from loopid.identification.selection import Reduction, eliminate, judge_essential
-from loopid.identification.terms import taken_for_offsets
+from loopid.identification.terms import without_offset
 from loopid.identification.verdict import Verdict, findings_of, insignificant
 from loopid.logs.recording import Recording
 from loopid.numbers import root
@@ -139,7 +139,7 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
     model = found.force_model
     terms, _ = parted(model.joint_terms)
     choice = NO_TERMS if terms is None else terms.choice(model.robot)
-    taken = [f"{name} from {other}" for name, other in taken_for_offsets(model, found.data).items()]
+    without = first_of(without_offset(model, found.data), NAMED)
     unclear = insignificant(fit)
     left_out = (~run.used & run.force.any(axis=0) for run in runs)
     idle = [float(each.mean(axis=0).max()) for each in left_out]
@@ -152,7 +152,7 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
         ),
         (
             f"the joint terms are {choice}",
-            f"the data hardly tell {first_of(taken, NAMED)}: what is left has both" * bool(taken),
+            f"the data do not determine the offset of {without}" * bool(without),
         ),
     ]
     if unclear:

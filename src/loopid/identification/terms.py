@@ -89,25 +89,6 @@ def without_offset(force_model: ForceModel, data: FitSamples) -> tuple[str, ...]
     return tuple(joint for joint, own in joints if own and OFFSET not in kinds.get(joint, ()))
 
 
-def taken_for_offsets(force_model: ForceModel, data: FitSamples) -> dict[str, str]:
-    """Offsets that were left out, each with the parameter that has most of it in the data."""
-    found, motors = dict[str, str](), without_offset(force_model, data)
-    if not motors:
-        return found
-    problem, n = data.problem, len(data.parameters)
-    with one_blas_thread():
-        lengths, sizes, turn = scaled_svd(problem.weighted(problem.force_weights)[:n, :n])
-        excited = sizes > LEAST_EXCITATION * sizes[0]
-        ways = (turn[excited] / sizes[excited, None]) / lengths
-        for joint in motors:
-            k = data.actuators.index(joint)
-            column = data.regressor[data.used[:, k], k].sum(axis=0)
-            values = ways.T @ (ways @ column)
-            effects = np.abs(values) * np.linalg.norm(problem.factors[k, :, :n], axis=0)
-            found[f"{joint}.{OFFSET}"] = data.parameters.labels[int(np.round(effects, 9).argmax())]
-    return found
-
-
 def _offsets(force_model: ForceModel) -> Iterator[Parameter]:
     """Offsets of motors that the robot file does not give, and that lead a base parameter."""
     given = terms_of_file(force_model.robot)
