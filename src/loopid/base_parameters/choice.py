@@ -177,7 +177,7 @@ def condition_numbers(matrices: FloatArray) -> FloatArray:
     """Condition numbers (c,) of matrices (c, m, n): 1 for empty, infinite for singular ones."""
     if 0 in matrices.shape[1:]:
         return np.ones(len(matrices))
-    return largest_over_least(np.linalg.svd(matrices, compute_uv=False))
+    return largest_over_least(np.asarray(np.linalg.svd(matrices, compute_uv=False)))
 
 
 def largest_over_least(values: FloatArray) -> FloatArray:
