@@ -1,14 +1,8 @@
 """Blocks of a choice problem: parts that can be searched apart, and good selections of each, fast.
 
-Of a block k vectors are selected. The squared singular values of the selected rows X_S are the
-eigenvalues of X_S X_Sᵀ. "Smallest" and "largest" mean these throughout the exact search.
-
-A good selection comes from pivoted QR, then swaps between barriers that close in on the
-eigenvalues. With a barrier b below those of M = X_SᵀX_S, the potential tr (M - b I)⁻¹ sees all of
-them. It sees those near the barrier most [Batson2012]. Likewise tr (b I - M)⁻¹ above them. To swap
-a row for a vector changes M by a matrix of rank two. With E = (M - b I)⁻¹ take the Gram matrices
-P = X E Xᵀ and Q = X E² Xᵀ. They hold the potential after every one of the k (n - k) swaps in closed
-form. The best of them updates both in O(n²). Derivation in docs/derivations.md.
+Of a block k vectors are selected, the rows X_S. "Smallest" and "largest" mean eigenvalues of
+X_S X_Sᵀ throughout the exact search. A good selection comes from pivoted QR, then swaps between
+barriers that close in on the eigenvalues [Batson2012]. Derivation in docs/derivations.md.
 """
 
 from __future__ import annotations
