@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.polynomial import Polynomial
 from hypothesis import given, settings, strategies as st
+from numpy.polynomial import Polynomial
 
 mujoco = pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
 read_mjcf = importlib.import_module("loopid.formats.mjcf").read_mjcf

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import FloatArray, IntArray, checked, chosen, finite
+from loopid.arguments import FloatArray, IntArray, checked, chosen, connected, finite
 from loopid.base_parameters.rank import (
     CLEAR,
     DoubtfulCombination,
@@ -26,7 +26,6 @@ from loopid.numbers import SOLVED_ROUND_OFF
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
 from loopid.records import record
-from loopid.robot.robot import connected
 from loopid.workers import one_blas_thread
 
 ZERO = 100.0  # times the round-off of null vectors: shorter rows are zero
