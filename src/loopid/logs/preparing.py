@@ -163,10 +163,9 @@ def prepare(
             "free flight",
             DataWarning,
         )
-    history, parts = None, tuple(log.parts())
+    history = None
     if lowpass is not None:
-        rates = log.joints, signals.velocity, parts, tuple(map(log.rate, parts))
-        history = RateHistory(*rates, lowpass, slow, stuck, rows, (rows, motion))
+        history = RateHistory(log, signals.velocity, lowpass, slow, stuck, rows, (rows, motion))
     recording = Recording(
         name=log.name,
         actuators=robot.independent,
