@@ -10,9 +10,10 @@ from functools import cached_property
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+import polars
 
 from loopid.arguments import number
 from loopid.errors import LogError, shown
@@ -28,9 +29,6 @@ from loopid.logs.table import (
     floats,
     stream_name,
 )
-
-if TYPE_CHECKING:  # slow to import, and only needed to read a log
-    import polars
 
 ENDINGS = (".csv", ".txt", ".tsv")
 LEAST_LINES = 4  # that decide how a text is written, where they are long
@@ -85,8 +83,6 @@ class TextFormat(LogFormat):
 
 def _read_table(path: Path, times: Sequence[str], values: Sequence[str]) -> Table:
     """Times as text, and numbers; Polars' reader of CSV would number no rows, and fill or cut."""
-    import polars
-
     header, read, cut_off = read_header(path), 0, None
     width = len(header.names)
     tables, rows, garbled = [], [], []
@@ -128,8 +124,6 @@ def _decoded(data: bytes) -> str:
 
 def _split(lines: polars.Series, separator: str | None, *, quoted: bool) -> polars.Series:
     """Cells of lines, with decimal points; what is between quotes is in one cell."""
-    import polars
-
     if not quoted:
         if separator != ",":
             lines = lines.str.replace_all(",", ".", literal=True)
