@@ -319,15 +319,10 @@ class FourierSeries:
     cosine: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("offset", "sine", "cosine"):
-            object.__setattr__(self, name, finite(getattr(self, name), name))
-        expected = (len(self.names), *self.sine.shape[1:2])
-        shapes = (self.offset.shape, self.sine.shape, self.cosine.shape)
-        if shapes != (expected[:1], expected, expected) or len(expected) != 2:
-            raise DataError(
-                f"offset, sine and cosine must have shapes (c,), (c, harmonics) and (c, harmonics) "
-                f"with c = {len(self.names)}, not {shapes}"
-            )
+        harmonics = np.shape(self.sine)[1:2] or (1,)
+        for name, more in (("offset", ()), ("sine", harmonics), ("cosine", harmonics)):
+            values = shaped(getattr(self, name), name, len(self.names), *more)
+            object.__setattr__(self, name, values)
 
     @property
     def period(self) -> float:
