@@ -50,18 +50,11 @@ def read_yaml(
 
 def line_of(path: Path, keys: Sequence[Any]) -> int | None:
     """The line in which what a path of keys leads to begins, in a file that was read before."""
-    node = YAML(typ="safe", pure=True).compose(path.read_text("utf-8"))
-    line = None
-    for key in keys:
-        if isinstance(node, MappingNode):
-            named = {str(name.value): (name, value) for name, value in node.value}
-            there, node = named.get(str(key), (None, None))
-        elif isinstance(node, SequenceNode) and isinstance(key, int):
-            there = node = node.value[key] if key < len(node.value) else None
-        else:
-            break
-        line = line if there is None else there.start_mark.line + 1
-    return line
+    lines = dict[tuple[str, ...], int]()
+    for word in _words(YAML(typ="safe", pure=True).compose(path.read_text("utf-8"))):
+        lines.setdefault(tuple(map(str, word.keys)), word.line)
+    known = (tuple(map(str, keys[:k])) for k in range(len(keys), 0, -1))
+    return next((lines[part] for part in known if part in lines), None)
 
 
 @contextmanager
@@ -92,9 +85,9 @@ def placing(path: Path, but: Sequence[str] = ()) -> Iterator[None]:
 
 
 class _Word(NamedTuple):
-    """A word of a YAML file, and the keys that lead to it."""
+    """A word of a YAML file, or a section in a list without one, and the keys that lead to it."""
 
-    text: str
+    text: str | None
     keys: tuple[str | int, ...]
     line: int
     is_key: bool
@@ -108,6 +101,7 @@ def _words(node: Any, keys: tuple[str | int, ...] = ()) -> Iterator[_Word]:
             yield from _words(value, own)
     elif isinstance(node, SequenceNode):
         for k, each in enumerate(node.value):
+            yield _Word(None, (*keys, k), each.start_mark.line + 1, is_key=False)
             yield from _words(each, (*keys, k))
     elif node is not None:
         yield _Word(node.value, keys, node.start_mark.line + 1, is_key=False)

@@ -5,6 +5,7 @@ import shutil
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -155,9 +156,9 @@ def test_a_log_or_robot_without_a_name_is_refused(run):
 def test_what_numpy_warns_of_is_said_in_a_sentence(run, monkeypatch):
     def overflowing(*_, **__):
         warnings.warn("invalid value encountered in divide", RuntimeWarning, stacklevel=1)
-        return "time\n"
+        return SimpleNamespace(text="time\n")
 
-    monkeypatch.setattr("loopid.motion.simulation.simulate_log", overflowing)
+    monkeypatch.setattr("loopid.motion.simulation.simulate", overflowing)
     said = run("simulate", "five_bar", "five_bar").err
     assert "are the units of all files right?" in said.replace("\n", " ")
 

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from loopid.errors import OptionError
 from loopid.excitation.shapes import FourierShape, PosesShape
 
 SHAPES = [FourierShape(7.0, 4), PosesShape(7.0, 4)]
@@ -50,10 +49,3 @@ def test_poses_are_stood_in():
     time = np.linspace(0, 8, 801)
     rates = PosesShape(8.0, 4).functions(time)[1]
     assert (rates == 0).all(axis=1).mean() == pytest.approx(0.5, abs=0.01)
-
-
-@pytest.mark.parametrize("make", [FourierShape, PosesShape])
-def test_shapes_that_cannot_move_are_refused(make):
-    with pytest.raises(OptionError) as refused:
-        make(5.0, 1)
-    assert make(5.0, refused.value.facts["least"]).functions(np.linspace(0, 5, 9))[1].any()

@@ -64,15 +64,6 @@ def test_a_log_that_differs_from_others_is_named_with_what_differs(case, what, s
         assert what is None or f"of {name} differs" in found.finding().title
 
 
-def test_a_log_that_is_late_beside_others_is_named(case):
-    others = [case.other(name) for name in ("two", "three")]
-    late = case(
-        lambda force, loaded: np.roll(force, 3, axis=0), *others, start=0.0, look=log_difference
-    )
-    assert (late.name, late.what) == ("run", "time")
-    assert "delay of forces of run differs" in late.finding().title
-
-
 @pytest.mark.parametrize(
     "spoil",
     [

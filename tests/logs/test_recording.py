@@ -14,7 +14,6 @@ from loopid.kinematics import (
     platform_coordinates,
     random_configurations,
 )
-from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import singularity_measure
 from loopid.logs import FilterOptions, Log, LogMapping, read_log
 from loopid.logs.preparing import (
@@ -35,7 +34,7 @@ from loopid.logs.preparing import (
 from loopid.logs.recording import least_logged
 from loopid.motion import Motion, joint_motion
 from loopid.motion.filtering import differentiate
-from made_runs import quietly, wander
+from made_runs import quietly
 from real_streams import read_stream
 
 
@@ -357,17 +356,6 @@ def test_samples_that_do_not_assemble_are_left_out(knee, log, truth):
     outside = (recording.motion.time < 6.8) | (recording.motion.time > 9.2)
     exact = truth.motion.configurations[at_times(truth, recording)]
     assert np.abs(recording.motion.configurations - exact)[outside].max() < 1e-4
-
-
-def test_positions_whose_exchange_would_close_all_loops_are_named(knee):
-    motion = wander(knee, seed=1, seconds=30.0)
-    position = JointCoordinates(knee, knee.actuated).read(motion.configurations.copy())
-    force = np.random.default_rng(0).normal(size=position.shape)
-    swapped = position[:, [1, 0, 2, 3]]
-    log = Log.from_arrays(motion.time[:300], swapped[:300], force[:300], knee.actuated, name="run")
-    closing = "all close with the positions of leg1_stroke and leg2_stroke exchanged"
-    with pytest.warns(DataWarning, match=rf"loops do not close in .*; {closing}: left out"):
-        prepared(knee, log, cutoff=None)
 
 
 def test_a_log_of_another_robot_does_not_assemble(knee, log):

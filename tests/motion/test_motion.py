@@ -104,8 +104,11 @@ def test_the_mean_of_a_period_is_the_offset():
         (lambda: point_to_point(NAMES, START, [Waypoint(START * np.nan, 1.0)]), "finite"),
         (lambda: point_to_point(NAMES, START, [Waypoint(START, 1.0)], rate=-1.0), "rate must"),
         (lambda: point_to_point(NAMES, START, [Waypoint(START, 1, (Arc("psi", 1),))]), "psi"),
-        (lambda: FourierSeries(NAMES, 1.0, START, np.ones((3, 2)), np.ones((3, 1))), "shapes"),
-        (lambda: FourierSeries(NAMES, 1.0, START, np.ones(3), np.ones(3)), "shapes"),
+        (
+            lambda: FourierSeries(NAMES, 1.0, START, np.ones((3, 2)), np.ones((3, 1))),
+            "cosine must have shape",
+        ),
+        (lambda: FourierSeries(NAMES, 1.0, START, np.ones(3), np.ones(3)), "sine must have"),
         (lambda: Motion(NAMES, np.array([0.0, 0.0]), *np.zeros((3, 2, 3))), "increase"),
         (lambda: Motion(NAMES, np.array([0.0, 1.0]), *np.zeros((3, 2, 2))), "position"),
     ],

@@ -71,8 +71,8 @@ def test_greatest_forces_are_those_of_all_trajectories(shares, experiment):
         all_forces = np.concatenate([getattr(p, part) for p in experiment.parts.values()])
         np.testing.assert_array_equal(shares.greatest[part], np.abs(all_forces).max(axis=0))
         expected = getattr(experiment.parts[SHOWN], part)
-        np.testing.assert_array_equal(getattr(shares, part), expected)
-    assert len(shares.time) == len(shares.friction) == len(shares.gravity)
+        np.testing.assert_array_equal(getattr(shares.parts, part), expected)
+    assert len(shares.time) == len(shares.friction) == len(shares.parts.gravity)
 
 
 def test_friction_opposes_the_way_that_each_motor_goes(shares, experiment):

@@ -205,7 +205,6 @@ def test_a_real_log_takes_the_place_of_the_stand_in(logged):
     actual = logged.actual
     assert not actual.is_stand_in
     assert actual.sources == ("exp_18_12_2020-12_36_29",)
-    assert "Table V from exp_18_12_2020-12_36_29" in repr(logged)
     for result, count in ((actual.eight, 16), (actual.fifteen, 23), (actual.informed, 23)):
         assert len(result.values) == count
         assert np.isfinite(result.intervals()).all()

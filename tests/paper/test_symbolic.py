@@ -3,7 +3,6 @@
 import math
 import subprocess
 import sys
-from dataclasses import FrozenInstanceError, fields, replace
 from math import cos
 from pathlib import Path
 
@@ -42,8 +41,8 @@ ORACLE = ROOT.parent / "shared" / "data" / "oracle"
 def test_angles_are_read_in_degrees_and_kept_in_radians():
     geometry = read_geometry(TABLE, "3ups_rpu", 1)
     assert geometry.beta_MI == math.radians(90)
-    assert len(geometry.symbols()) == len(geometry.values()) == len(fields(Geometry))
-    with pytest.raises(FrozenInstanceError):
+    assert len(geometry.symbols()) == len(geometry) == len(Geometry._fields)
+    with pytest.raises(AttributeError):
         geometry.R1 = 1.0
 
 
@@ -114,7 +113,7 @@ def test_a_type_ii_singularity_is_refused():
 
 def test_limbs_in_singular_positions_are_named():
     geometry = read_geometry(TABLE, "3ups_rpu", 1)
-    beside_base = replace(geometry, R1=geometry.Rm1 * cos(0.5))
+    beside_base = geometry._replace(R1=geometry.Rm1 * cos(0.5))
     for changed, pose, reason in (
         (beside_base, [0.0, 0.0, 0.0, 0.5], "parallel to Y_F"),
         (geometry, [geometry.ds, 0.0, 0.1, 0.1], "no length"),
@@ -263,7 +262,7 @@ def test_the_omitted_term_of_row_9_vanishes_only_at_a_right_angle(geometry):
     assert row.coefficients(geometry)["leg3_stem.m"] == pytest.approx(
         geometry.Rm3 * np.cos(geometry.beta_MI), abs=1e-15
     )
-    square = replace(geometry, beta_MI=np.pi / 2)
+    square = geometry._replace(beta_MI=np.pi / 2)
     assert abs(row.coefficients(square)["leg3_stem.m"]) < 1e-16
 
 

@@ -13,11 +13,9 @@ import typer
 
 from loopid.cli.logs import compare, export, identify, paper, payload, predict
 from loopid.cli.robots import base, check, excite, init, motions, schema, simulate, view
-from loopid.cli.shell import Command, Commands
+from loopid.cli.shell import Command
 
-app = typer.Typer(
-    cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None
-)
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 # Each with an example, in the order of the work.
 for command, example in {
     init: "loopid init leg.urdf run.csv",

@@ -50,20 +50,13 @@ def _names(context: typer.Context, kind: str) -> list[Any]:
     return []
 
 
-def models(incomplete: str) -> list[str]:
-    """Models of the forces."""
-    from loopid.parameters import MODELS
-
-    return [name for name in (*MODELS, "auto") if name.startswith(incomplete)]
-
-
-def words_of(place: str) -> Callable[[str], list[str]]:
+def words_of(place: str, *more: str) -> Callable[[str], list[str]]:
     """What completes a word of a registry, or of all that is listed, at ``"module:name"``."""
 
     def words(incomplete: str) -> list[str]:
         module, _, name = place.partition(":")
         known = getattr(import_module(f"loopid.{module}"), name)
-        return [word for word in known if word.startswith(incomplete)]
+        return [word for word in (*known, *more) if word.startswith(incomplete)]
 
     return words
 
@@ -75,3 +68,6 @@ def terms(incomplete: str) -> list[str]:
     before, comma, last = incomplete.rpartition(",")
     words = JOINT_TERMS if comma else ("file", "none", "auto", *JOINT_TERMS)
     return [before + comma + word for word in words if word.startswith(last)]
+
+
+models = words_of("parameters:MODELS", "auto")

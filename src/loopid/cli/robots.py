@@ -22,6 +22,7 @@ from loopid.progress import progress_bar
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
     from loopid.logs.recording import Recording
+    from loopid.motion.files import MotionProgram
     from loopid.robot.robot import Robot
 
 FILE = Argument(
@@ -176,16 +177,26 @@ def motions(
     singularity_threshold: float = Option(0.02, help="Least singularity measure."),
 ) -> None:
     """Check motions against limits and singularities."""
-    from loopid.motion.files import read_motion_program, review_program
+    from loopid.motion.files import read_motion_program
     from loopid.report.structure import motions_report
 
     answer.require(robot.path, program)
     planned = read_motion_program(program or _bundled_motions(robot))
-    with progress_bar("motions") as report:
-        reviews = review_program(
-            robot, planned, rate, singularity_threshold=singularity_threshold, progress=report
-        )
+    reviews = _reviews(robot, planned, rate, singularity_threshold)
     answer.show(motions_report(robot.name, reviews, planned.seconds))
+
+
+def _reviews(robot: Robot, program: MotionProgram, rate: float, threshold: float) -> dict[str, Any]:
+    """Reviews of all motions of a file by name."""
+    from loopid.motion.joints import joint_motion, review_motion
+
+    reviews = {}
+    with progress_bar("motions") as report:
+        for done, name in enumerate(program.motions, start=1):
+            motion = joint_motion(robot, program.motion(name, rate))
+            reviews[name] = review_motion(robot, motion, threshold)
+            report(done, len(program.motions))
+    return reviews
 
 
 def _bundled_motions(robot: Robot) -> str:
@@ -223,7 +234,8 @@ def simulate(
     """Write the log of a simulated robot, to try identify."""
     from loopid.loading.files import own_files
     from loopid.motion.files import read_motion_program
-    from loopid.motion.simulation import Noise, simulate_log
+    from loopid.motion.simulation import Noise, scaled_bodies, simulate as simulated
+    from loopid.regressors.joint_terms import JointTerms
 
     if out is not None:
         require_name(out, "the log")
@@ -231,7 +243,16 @@ def simulate(
         require_ending(out, LOG_ENDINGS)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     planned = read_motion_program(program or _bundled_motions(robot)).motion(motion, rate)
-    text = simulate_log(robot, planned, errors, terms=terms, cad_error=cad_error, seed=seed)
+    chosen, values = JointTerms.with_values(robot, terms)
+    text = simulated(
+        robot,
+        planned,
+        errors,
+        seed=seed,
+        standard_parameters=scaled_bodies(robot, cad_error, seed=seed),
+        joint_terms=chosen,
+        joint_values=values,
+    ).text
     if out is None:
         typer.echo(text, nl=False)
     else:

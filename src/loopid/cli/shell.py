@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shlex
 import shutil
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -17,7 +18,7 @@ from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand
 
 from loopid.cli.advice import in_options
 from loopid.errors import LoopidError, OptionError, counted, one_line
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from loopid.report.page import Report
 
 MOST_SAID = 5  # findings that are shown without ``--verbose``
-CLOSED_PIPE = 128 + 13  # exit code of what SIGPIPE ends, in every shell
 WIDTH = 80  # columns of a table where the terminal gives none, as by COLUMNS=0
 
 
@@ -58,44 +58,17 @@ class Command(TyperCommand):
                         say(f"warning: {text}", whole=ctx.params.get("verbose", False))
         except LoopidError as error:
             refuse(in_options(str(error), ctx))
+        except OSError as error:
+            if error.errno == errno.EPIPE:  # as of ``loopid ... | head``: typer ends the command
+                raise
+            if error.filename is None:  # what waits to be written is lost
+                os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            refuse(f"{error.filename or 'standard output'}: {error.strerror}")
         except MemoryError as error:
             refuse(f"there is not enough memory: {error}")
         except KeyboardInterrupt:
             say("interrupted")
             raise
-
-
-class Commands(TyperGroup):
-    """The list of commands. What takes their words, or those of ``--help``, may be full or gone."""
-
-    def make_context(self, *args: Any, **more: Any) -> Any:
-        """Read the options of ``loopid`` itself; two of them are answered at once."""
-        with _answered():
-            return super().make_context(*args, **more)
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run a command, or show its help."""
-        with _answered():
-            return super().invoke(ctx)
-
-
-@contextmanager
-def _answered() -> Iterator[None]:
-    """Refuse in one line where files or the standard output take no more."""
-    try:
-        yield
-    except BrokenPipeError as error:  # as of ``loopid ... | head``, which has seen enough
-        _write_no_more()
-        raise typer.Exit(CLOSED_PIPE) from error
-    except OSError as error:
-        if error.filename is None:
-            _write_no_more()
-        refuse(f"{error.filename or 'standard output'}: {error.strerror}")
-
-
-def _write_no_more() -> None:
-    """Lose what waits to be written to a stream that takes nothing."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def refuse(reason: str) -> NoReturn:
@@ -186,11 +159,7 @@ class Answer:
 
         from loopid.report.look import Words, folded
 
-        class Printed(Console):
-            def on_broken_pipe(self) -> None:  # by itself it ends the command with exit code 1
-                raise BrokenPipeError
-
-        console = Printed(highlight=False)
+        console = Console(highlight=False)
         console.width = console.width or WIDTH
         console.print(Words(f"{report.title}: {report.verdict}"))
         verdict = report.verdict

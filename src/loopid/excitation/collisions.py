@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import coal
@@ -12,21 +11,13 @@ from lxml import etree
 from scipy.spatial import ConvexHull, QhullError
 
 from loopid.arguments import FloatArray
-from loopid.errors import ModelWarning, RobotFileError, warn
+from loopid.errors import ModelWarning, counted, warn
 from loopid.loading.files import files_of
 from loopid.loading.urdf_tree import urdf_root
-from loopid.loading.xml_elements import Element, child, label, numbers, placement, required
 from loopid.robot.robot import Robot
 
 # Pairs of links that stay this part of the robot's length apart in random poses are not looked at.
 FAR = 0.1
-# Shapes of URDF, with the numbers of their size.
-SIZES: dict[str, dict[str, int]] = {
-    "box": {"size": 3},
-    "cylinder": {"radius": 1, "length": 1},
-    "sphere": {"radius": 1},
-    "mesh": {},
-}
 
 
 class Collisions:
@@ -84,11 +75,11 @@ def _geometry(robot: Robot) -> pin.GeometryModel:
     tree = None if robot.path is None else files_of(robot).tree
     if tree is None or tree.suffix != ".urdf":
         return pin.GeometryModel()
-    folders = [str(folder) for folder in tree.absolute().parents]
-    urdf, unread = _sound_collisions(tree)
-    if unread:
-        what = f"collision geometry of {robot.name} that cannot be read is left out"
-        warn(f"{what}: {'; '.join(unread)}", ModelWarning)
+    root, folders = urdf_root(tree), [str(folder) for folder in tree.absolute().parents]
+    for link in root.findall("link"):
+        for tag in link.findall("visual"):
+            link.remove(tag)
+    urdf, given = etree.tostring(root, encoding="unicode"), len(root.findall("link/collision"))
     try:
         geometry = pin.buildGeomFromUrdfString(
             robot.model, urdf, pin.GeometryType.COLLISION, package_dirs=folders
@@ -96,40 +87,13 @@ def _geometry(robot: Robot) -> pin.GeometryModel:
     except (ValueError, RuntimeError) as error:
         warn(f"collisions of {robot.name} are not looked at: {error}", ModelWarning)
         return pin.GeometryModel()
+    if unread := given - len(geometry.geometryObjects):
+        what = f"{counted(unread, 'shape')} of the collision geometry of {robot.name}"
+        warn(f"{what} cannot be read, and is left out: see the errors above", ModelWarning)
     for piece in geometry.geometryObjects:
         if isinstance(piece.geometry, coal.BVHModelBase):
             piece.geometry = convex_hull(piece.geometry)
     return geometry
-
-
-def _sound_collisions(tree: Path) -> tuple[str, list[str]]:
-    """A URDF with the collision geometry that can be read, and what cannot."""
-    root, unread = urdf_root(tree), []
-    for link in root.findall("link"):
-        for tag in link.findall("visual"):
-            link.remove(tag)
-        for tag in link.findall("collision"):
-            try:
-                _require_shape(tag)
-            except RobotFileError as error:
-                link.remove(tag)
-                unread.append(f"{link.get('name')} ({error})")
-    return etree.tostring(root, encoding="unicode"), unread
-
-
-def _require_shape(collision: Element) -> None:
-    placement(collision.find("origin"))
-    for shape in child(collision, "geometry"):
-        if shape.tag not in SIZES:
-            raise RobotFileError(f"<{shape.tag!s}> is none of {', '.join(SIZES)}")
-        sizes = [x for name, count in SIZES[shape.tag].items() for x in numbers(shape, name, count)]
-        if min(sizes, default=1.0) <= 0:
-            raise RobotFileError(f"{label(shape)}: sizes must be above 0")
-        if shape.tag == "mesh":
-            required(shape, "filename")
-            numbers(shape, "scale", 3, "1 1 1")
-        return
-    raise RobotFileError("<geometry> is empty")
 
 
 def convex_hull(mesh: coal.BVHModelBase) -> Any:

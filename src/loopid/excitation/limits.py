@@ -156,7 +156,13 @@ class Bounds:
         self.pairs: tuple[tuple[str, str], ...] = ()
         if limits.collisions and (collisions := Collisions(robot, poses)).pairs:
             self.pairs = collisions.pairs
-            self._posed.append(_clearance(collisions, CLEARANCE * robot.length))
+            least, far = CLEARANCE * robot.length, collisions.far
+            bound = Bound("distance between links", "", "m", least, np.inf, far)
+            self._posed.append(
+                Quantities(
+                    [bound], lambda motion, _: collisions.least(motion.configurations)[:, None]
+                )
+            )
         if robot.closures:  # couplings alone have no singularities
             least = 0.0 if limits.singularity_threshold is None else limits.singularity_threshold
             self._posed.append(_singularity(robot, least, poses))
@@ -306,12 +312,6 @@ def _workspace(robot: Robot, limits: MotionLimits) -> Quantities:
     return Quantities(
         bounds, lambda motion, _: platform_coordinates(robot, motion.configurations)[:, columns]
     )
-
-
-def _clearance(collisions: Collisions, least: float) -> Quantities:
-    """The least distance between links."""
-    bound = Bound("distance between links", "", "m", least, np.inf, collisions.far)
-    return Quantities([bound], lambda motion, _: collisions.least(motion.configurations)[:, None])
 
 
 def _singularity(robot: Robot, least: float, poses: FloatArray) -> Quantities:

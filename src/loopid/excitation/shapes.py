@@ -15,7 +15,6 @@ import numpy as np
 from scipy.linalg import null_space
 
 from loopid.arguments import FloatArray
-from loopid.errors import OptionError
 from loopid.motion.trajectories import (
     FourierCurve,
     Motion,
@@ -26,9 +25,6 @@ from loopid.motion.trajectories import (
 from loopid.records import record
 from loopid.registry import Registry
 
-# Samples of the grid: of the shortest period of a series, and between two poses.
-SAMPLES_OF_PERIOD, SAMPLES_OF_WAY = 12, 8
-
 
 @record
 class Shape(ABC):
@@ -37,21 +33,7 @@ class Shape(ABC):
     seconds: float
     size: int  # harmonics or poses
 
-    least: ClassVar[int]  # size that can move
-
-    def __post_init__(self) -> None:
-        if self.size < self.least:
-            raise OptionError(
-                f"a motion from rest to rest takes a size of {self.least} at least, not "
-                f"{self.size}",
-                size=self.size,
-                least=self.least,
-            )
-
-    @property
-    @abstractmethod
-    def samples(self) -> int:
-        """Of the grid on which a design looks at the motion."""
+    samples: ClassVar[int]  # of the grid, for each harmonic or pose
 
     @abstractmethod
     def functions(self, time: FloatArray) -> FloatArray:
@@ -71,7 +53,7 @@ class Shape(ABC):
 
     def grid(self) -> FloatArray:
         """Times (N,) at which a design looks at the motion."""
-        return np.linspace(0.0, self.seconds, self.samples)
+        return np.linspace(0.0, self.seconds, self.samples * self.size)
 
     def motion(self, names: Sequence[str], X: FloatArray, rate: float) -> Motion:
         """The motion of a motion file with these waypoints."""
@@ -82,11 +64,7 @@ class Shape(ABC):
 class FourierShape(Shape):
     """One period of a Fourier series."""
 
-    least = 2
-
-    @property
-    def samples(self) -> int:
-        return SAMPLES_OF_PERIOD * self.size
+    samples = 12
 
     @cached_property
     def _rest(self) -> FloatArray:
@@ -117,11 +95,7 @@ class FourierShape(Shape):
 class PosesShape(Shape):
     """Poses to stand in half of the time, with the ways between them."""
 
-    least = 2
-
-    @property
-    def samples(self) -> int:
-        return SAMPLES_OF_WAY * self.size
+    samples = 8
 
     def functions(self, time: FloatArray) -> FloatArray:
         hold = move = self.seconds / self.size / 2

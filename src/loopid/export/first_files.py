@@ -135,6 +135,7 @@ def _robot_text(
     pose = whole.reference_values(whole.reference)
     degrees = counted(len(whole.independent), "degree")
     joint = whole.actuated[0]
+    whose = "these have forces in the log" if motors else "keep those with motors"
     return _file(
         f"{whole.name}: what {Path(tree).name} does not say. Every key may be left out.",
         _Key("mjcf" if tree.endswith(MJCF) else "urdf", tree, sure=True),
@@ -147,7 +148,7 @@ def _robot_text(
         _Key("closures", closures, sure=bool(pairs) and not refused),
         "",
         "Joints with motors, in the order of the forces in logs.",
-        *([] if drawn.motors_known else [_why_these(motors)]),
+        *([] if drawn.motors_known else [f"The tree's file does not say: {whose}."]),
         f"{'With its closures' if whole.rows else 'Without closures'} it has {degrees} of freedom.",
         _Key("name_mot", list(motors or drawn.actuated), sure=bool(motors)),
         "",
@@ -158,12 +159,6 @@ def _robot_text(
         _Key("limits", {joint: [-1.0, 1.0]}),
         _Key("joint_terms", {joint: {"Ia": 0.01, "Fc": 0.5}}),
     )
-
-
-def _why_these(motors: tuple[str, ...]) -> str:
-    if motors:
-        return "The tree's file does not say: these have forces in the log."
-    return "The tree's file does not say: keep those with motors."
 
 
 def _closed(drawn: Robot, options: Mapping[str, Any]) -> tuple[list[tuple[str, str]], Robot, str]:

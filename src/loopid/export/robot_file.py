@@ -39,8 +39,6 @@ AGREEMENT = 1e-9
 SAME = 1e-13
 # Relative difference of a joint term, in the new file and as it was meant: degrees are round-off.
 READ_BACK = 1e-12
-# Radians, or lengths of the robot, away from which no spring rests: its force is a constant one.
-FAR = 1e3
 # Options of ``load`` that a YAML keeps, and those that only a call has.
 KEPT, ASKED = ("rounding", "floating_base"), ("lock", "free_mimics")
 # What is not written where the other half of its force has no place: by kind, the other halves.
@@ -60,15 +58,11 @@ def updated_robot_file(
 ) -> bytes:
     """The file of the robot's tree with its inertials and joint terms updated in place.
 
-    ``standard_parameters`` (n,) are of ``robot.parameters("full")``, or of a gravity model. Then
-    masses and centres of mass change, and inertias about the centres of mass stay. Joint terms are
-    written where ``parameters`` name some. Viscous and Coulomb friction have a place in every
-    format, drive inertias and springs in an MJCF. In a URDF these are updated where it has tags for
-    them. A friction curve and load friction become the nearest of these (``fit.use``). They are
-    nearest over the rates of the log, at its mean load. What the new file does not have as the
-    parameters say is warned of, and how near its friction is to the curve; ``name`` is what
-    warnings call the file. A link that would not be physically consistent is refused, and
-    parameters or a file that are not those of the robot.
+    ``standard_parameters`` (n,) are those of ``parameters``, by default all of bodies. By a gravity
+    model, inertias about the centres of mass stay. What the new file does not have as the
+    parameters say is warned of, and how near its friction is to a curve (docs/exports.md); ``name``
+    is what warnings call the file. A link that would not be physically consistent is refused, and a
+    file that is not that of the robot.
     """
     files = files_of(robot)
     _require_editable(files.tree)
@@ -83,7 +77,7 @@ def updated_robot_file(
         return content
     meant, nearest = straightened(joint_terms(parameters, standard_parameters), use)
     # Inertials come first: MuJoCo may derive damping from masses.
-    wanted, there = _writable(robot, meant), _on_coordinates(robot, file.joint_terms(content))
+    wanted, there = _writable(meant), _on_coordinates(robot, file.joint_terms(content))
     if changed := {j: terms for j, terms in wanted.items() if list(_apart({j: terms}, there))}:
         content = file.edited(new, changed)
         there = _on_coordinates(robot, file.joint_terms(content))
@@ -224,34 +218,15 @@ def _updated_links(
 def _body_parameters(
     robot: Robot, standard_parameters: FloatArray, parameters: ParameterSet | None
 ) -> FloatArray:
-    """Parameters (bodies, 4 or 10), those of tied links repeated."""
-    values = finite(standard_parameters, "standard parameters")
-    own = {model: robot.parameters(model).labels for model in reversed(MODELS)}
-    if parameters is not None:
-        if values.shape != (len(parameters),):
-            raise DataError(
-                f"standard parameters must have shape ({len(parameters)},) as their names, not "
-                f"{values.shape}",
-                shape=values.shape,
-                valid=(len(parameters),),
-            )
-        places = {label: k for k, label in enumerate(parameters.labels)}
-        known = [labels for labels in own.values() if places.keys() >= set(labels)]
-        if not known:
-            missing = next(label for label in own["gravity"] if label not in places)
-            raise DataError(f"standard parameters lack {missing}", missing=missing)
-        values = values[[places[label] for label in known[0]]]  # the full model where it is there
-    for model, labels in own.items():
-        if values.shape == (len(labels),):
-            T = robot.tie_matrix(len(MODELS[model]))
-            return np.asarray((T @ values).reshape(-1, len(MODELS[model])))
-    counts = " or ".join(f"({len(labels)},)" for labels in own.values())
-    raise DataError(
-        f"standard parameters must have shape {counts}, not {values.shape}: give their names where "
-        "joint terms are among them",
-        shape=values.shape,
-        valid=tuple((len(labels),) for labels in own.values()),
-    )
+    """Parameters (bodies, 10), or (bodies, 4) of a gravity model, those of tied links repeated."""
+    values, every = finite(standard_parameters, "standard parameters"), robot.parameters()
+    if parameters is None:
+        parameters = every if len(values) == len(every) else robot.parameters("gravity")
+    known = dict(zip(parameters.labels, values.tolist(), strict=True))
+    model = "full" if known.keys() >= {*every.labels} else "gravity"
+    own = np.array([known[label] for label in robot.parameters(model).labels])
+    count = len(MODELS[model])
+    return np.asarray((robot.tie_matrix(count) @ own).reshape(-1, count))
 
 
 def joint_terms(parameters: ParameterSet, values: FloatArray) -> Terms:
@@ -280,32 +255,20 @@ def straightened(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
     return found, said
 
 
-def _writable(robot: Robot, meant: Terms) -> Terms:
+def _writable(meant: Terms) -> Terms:
     """What is tried to be written: no half of a force, no negative friction, inertia or stiffness.
 
     Simulators take numbers as they are written. With negative friction they would gain energy. A
-    negative stiffness would push away from the rest of a spring, and one next to zero, an estimate
-    of none, would rest out of reach.
+    negative stiffness would push away from the rest of a spring.
     """
     return {
         joint: {
-            kind: 0.0 if _is_none(robot, joint, terms, kind) else value
+            kind: max(value, 0.0) if _never_negative(kind) else value
             for kind, value in terms.items()
             if not any(other.startswith(HALVES.get(kind, ())) for other in terms)
         }
         for joint, terms in meant.items()
     }
-
-
-def _is_none(robot: Robot, joint: str, terms: Mapping[str, float], kind: str) -> bool:
-    """Whether a value stands for none: a negative one, or a stiffness next to zero."""
-    if terms[kind] < 0 and _never_negative(kind):
-        return True
-    if kind != "Ks":
-        return False
-    stiffness, force = terms["Ks"], terms.get("Fo", 0.0)
-    unit = robot.length if robot.slides(joint) else 1.0
-    return 0 < stiffness * FAR * unit < abs(force)
 
 
 def _never_negative(kind: str) -> bool:
@@ -342,9 +305,6 @@ def _others(robot: Robot, meant: Terms, there: Known) -> Iterator[str]:
             what = f"joint_terms of {files.named.name} overrule"
         elif value < 0 and _never_negative(kind) and read.get(joint, {}).get(kind, 0.0) == 0:
             what, label = "zero stands for the negative", f"{label} = {value:.3g}"
-        elif kind == "Ks" and _is_none(robot, joint, meant[joint], kind):
-            what = f"zero stands, as the spring would rest over {FAR:g} rad or lengths away, for"
-            label = f"{label} = {value:.3g}"
         else:
             what = "in the fit, but without a place in the file (a YAML's joint_terms has one), are"
         said.setdefault(what, []).append(label)

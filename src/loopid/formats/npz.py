@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from functools import cached_property
+from collections.abc import Iterator
 from typing import Any
 from zipfile import ZipFile
 
-import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from loopid.logs.table import ArrayFormat, Column, array_columns, refusals, stream_name
+from loopid.logs.table import ArrayFormat, has_columns, stream_name
 
 
 class NpzFormat(ArrayFormat):
@@ -19,23 +18,14 @@ class NpzFormat(ArrayFormat):
     endings = (".npz",)
     kind = ".npz of numbers"
 
-    @cached_property
-    def _streams(self) -> dict[str, dict[str, Column]]:
-        columns: dict[str, Column] = {}
-        with refusals(self.path, self.kind), ZipFile(self.path) as archive:
+    def _arrays(self) -> Iterator[tuple[str, str, NDArray[Any]]]:
+        with ZipFile(self.path) as archive:
             for member in archive.namelist():
-                array, shape = member.removesuffix(".npy"), _shape(archive, member)
-                self.collect(columns, array, array_columns(array, shape))
-        return {stream_name(self.path): columns}
-
-    def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:
-        with np.load(self.path, allow_pickle=False) as content:
-            return {array: content[array] for array in arrays}
-
-
-def _shape(archive: ZipFile, name: str) -> tuple[int, ...]:
-    """Shape of an array, which is not read."""
-    with archive.open(name) as file:
-        old = np.lib.format.read_magic(file) == (1, 0)
-        read = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
-        return read(file)[0]
+                with archive.open(member) as file:  # first what it is: pictures are not read
+                    old = npy.read_magic(file) == (1, 0)
+                    read = npy.read_array_header_1_0 if old else npy.read_array_header_2_0
+                    shape, _, kind = read(file)
+                if has_columns(shape) and not kind.hasobject:
+                    with archive.open(member) as file:
+                        values = npy.read_array(file)
+                    yield stream_name(self.path), member.removesuffix(".npy"), values

@@ -1,11 +1,9 @@
 """Covariances of estimates whose errors are correlated from one time to the next.
 
-Errors of each actuator are an autoregressive process. Residuals are smaller, and less
-autocorrelated, than the errors are. A fit takes up whatever of the errors its regressor can
-express. A model of slow errors that is fitted to residuals alone gives intervals that are too
-narrow. What was taken up has a known expectation and is added back [Worsley2002].
-
-Models are fitted by Burg's method [Percival1993], which never predicts across gaps.
+Errors of each actuator are an autoregressive process, fitted by Burg's method [Percival1993], which
+never predicts across gaps. Residuals are smaller, and less autocorrelated, than the errors are: a
+fit takes up whatever of the errors its regressor can express. This has a known expectation and is
+added back [Worsley2002]. Else intervals are too narrow.
 """
 
 from __future__ import annotations
@@ -259,10 +257,23 @@ def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
     A posterior stays the same where errors are independent: their size may be known beforehand.
     """
     result, samples, width = fit.result, fit.samples, len(fit.result.parameters)
+    problem = samples.problem
     with one_blas_thread():
         inverse = np.asarray(np.linalg.inv(fit.factor[:width, :width]), dtype=np.float64)
         prior = np.zeros((0, width)) if fit.prior is None else fit.prior[:, :width] @ inverse
-        models = _error_models(fit, inverse)
+        residual, squares = samples.residual(result.values), problem.residual_squares(result.values)
+        # Round-off of an exact fit is autocorrelated too, but is no error.
+        exact = squares <= FIT_ROUND_OFF**2 * problem.force_squares()
+        models = dict[int, ErrorModel]()
+        for i in map(int, np.flatnonzero(problem.samples)):
+            weight = float(result.weights[i])
+            models[i] = ErrorModel(
+                columns=(samples.regressor[:, i] @ (weight * inverse)) * samples.used[:, i, None],
+                residual=(0.0 if exact[i] else weight) * residual[:, i],
+                used=samples.used[:, i],
+                pieces=samples.pieces,
+                least=weight * float(samples.least_errors[i]),
+            )
 
         def filling() -> FloatArray:
             """XᵀΩX of orthonormal columns."""
@@ -275,7 +286,7 @@ def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
                 model.correct(total)
         covariance = inverse @ filling() @ inverse.T
     each = {i: (m.model, m.effective_samples(), m.informing_samples()) for i, m in models.items()}
-    noise = _noise_model(samples.problem, each, result.weights)
+    noise = _noise_model(problem, each, result.weights)
     if fit.prior is not None and not noise.coefficients.any():
         return fit.with_result(noise=noise)
     rows = float(noise.effective_samples.sum()) - (width if fit.prior is None else 0)
@@ -302,24 +313,6 @@ def residual_noise(samples: FitSamples, values: FloatArray, fitted: float) -> No
         worth = model.effective_samples(used, samples.pieces)
         models[i] = model, worth, worth
     return _noise_model(problem, models, np.ones(len(problem.actuators)))
-
-
-def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]:
-    """A model for each actuator that has samples, by its number."""
-    result, samples, problem, models = fit.result, fit.samples, fit.samples.problem, {}
-    residual, squares = samples.residual(result.values), problem.residual_squares(result.values)
-    # Round-off of an exact fit is autocorrelated too, but is no error.
-    exact = squares <= FIT_ROUND_OFF**2 * problem.force_squares()
-    for i in map(int, np.flatnonzero(problem.samples)):
-        weight = float(result.weights[i])
-        models[i] = ErrorModel(
-            columns=(samples.regressor[:, i] @ (weight * inverse)) * samples.used[:, i, None],
-            residual=(0.0 if exact[i] else weight) * residual[:, i],
-            used=samples.used[:, i],
-            pieces=samples.pieces,
-            least=weight * float(samples.least_errors[i]),
-        )
-    return models
 
 
 def _noise_model(

@@ -1,11 +1,10 @@
 """The cut-off of the filter around which estimates change least.
 
-A narrow filter loses motion. A wide one lets noise of the positions into the regressor. That may
-have any colour: encoders in steps, stamps that jitter, held values. Both bias estimates before
-residuals show it. The first bias shrinks from one cut-off to the next, and the second grows. Where
-estimates change least, the two are balanced. This is the rule of quasi-optimality
-[TikhonovGlasko1965], with the cut-off in place of the weight of a prior. The model is fitted once
-at each cut-off. A change is that of predicted forces, in parts of each motor's error.
+A narrow filter loses motion. A wide one lets noise of the positions, of any colour, into the
+regressor. Both bias estimates before residuals show it. The first bias shrinks from one cut-off to
+the next, and the second grows: where estimates change least, the two are balanced. This is the rule
+of quasi-optimality [TikhonovGlasko1965], with the cut-off in place of the weight of a prior. A
+change is that of predicted forces, in parts of each motor's error.
 """
 
 from __future__ import annotations
@@ -74,12 +73,6 @@ class CutoffChoice(WithFindings):
     chosen: float
     bound: str = ""
     equally_good: FloatArray = field(default_factory=lambda: np.zeros(0))
-
-    def __repr__(self) -> str:
-        return (
-            f"<CutoffChoice: {self.chosen:.3g} Hz, of {len(self.cutoffs)} from "
-            f"{self.cutoffs[0]:.3g} to {self.cutoffs[-1]:.3g} Hz>"
-        )
 
     @property
     def findings(self) -> tuple[Finding, ...]:

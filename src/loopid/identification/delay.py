@@ -2,32 +2,23 @@
 
 Forces that come d late belong to a motion d earlier: τ(t + d) = W(t) φ. Where the shift s of the
 forces is not d, the best fit leaves residuals, whatever the base parameters φ. All of them are
-fitted at each shift, beside an offset, the inertia and the friction of each drive, that which grows
-with load and ripple included. Else what a force model lacks would look like a delay. Friction that
-builds up after a reversal does, beside the sign of the velocity. So the delay is found twice. Plain
-friction beside it is sharp. Maxwell slip of each motor, too, is right in any case
-(``maxwell_slip.py``). The sharp one is taken where the evidence has no slip in any motor. Nor may
-the other one clearly be another.
+fitted at each shift, beside what a force model may lack: else this would look like a delay.
+Friction that builds up after a reversal does, beside the sign of the velocity. So the delay is
+found twice: beside plain friction, which is sharp, and beside Maxwell slip of each motor, which is
+right in any case (``maxwell_slip.py``).
 
 One orthonormal basis of W serves all shifts, whose forces are right-hand sides of it. From the best
 of them Newton's method goes on. It ends where residuals are orthogonal to derivatives of the
-predicted forces by time, in a column a motor. Noise of positions is in these columns, too: they are
-instruments for the derivatives of the measured forces [Janot2014]. Intervals allow for
-autocorrelated errors as all others do (``correlation.py``).
-
-Most informative of a delay is where friction changes sides, in a wide band, where there is most
-noise of positions, too. The widest band that is looked at is that around which estimates change
-least (``cutoff.py``). Narrower ones follow. One is taken where delays of the motors are better
-known, and agree.
-
-Before that each of several logs has a delay of its own, of all its motors. One that is clearly far
-from those of the others is undone in its log.
+predicted forces by time. Noise of positions is in these, too: they are instruments for the
+derivatives of the measured forces [Janot2014]. The widest band that is looked at is that around
+which estimates change least (``cutoff.py``). Narrower ones follow. Before that each of several logs
+has a delay of its own; one that is clearly far from those of the others is undone in its log.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -35,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from loopid.arguments import BoolArray, FloatArray, checked
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked
 from loopid.errors import DataError, RankError
 from loopid.findings import FALSE_ALARM, Finding, WithFindings
 from loopid.identification.beside import POSSIBLE, Beside, evidence_of
@@ -62,7 +53,6 @@ from loopid.identification.result import Fit
 from loopid.identification.ripple import ripple_columns
 from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
 from loopid.logs.recording import OVERSAMPLING, Recording
-from loopid.motion.filtering import LowPass
 from loopid.numbers import NORMAL_95
 from loopid.parameters import KINDS
 from loopid.records import derived, read_only, record
@@ -262,19 +252,8 @@ def _over_bands(best: Delay, tried: Sequence[Delay]) -> Delay:
         interval=(best.common - half, best.common + half),
         intervals=np.where(vague[:, None], [-np.inf, np.inf], best.intervals),
     )
-    if np.ptp(best.undone):
-        return found
-    clear = best.clear and abs(best.common) > CLEAR * half
-    return replace(found, left=np.array([error])) if clear else _kept(found)
-
-
-def _in_band(
-    force_model: ForceModel, logged: Sequence[Recording], band: float, sampled: Sampled | None
-) -> Sampled:
-    """Recordings in a band, unless they are known in it."""
-    if sampled is not None and sampled.cutoff == band:
-        return sampled
-    return Sampled.of(force_model, logged, band)
+    clear = abs(best.common) > CLEAR * half
+    return found if np.ptp(best.undone) else _undoing(found, best.undone * clear)
 
 
 def _bands(
@@ -301,7 +280,7 @@ def _found(
     None of too few samples, or a motion without change.
     """
     try:
-        forces = _Forces(force_model, _in_band(force_model, recordings, band, sampled))
+        forces = _Forces(force_model, recordings, band, sampled)
         search, robust = _Search(forces), None
         if slips := search.slips():
             robust = _Search(forces, slip=True).result()
@@ -326,34 +305,21 @@ def _found(
 
 def _confirmed(delay: Delay, other: Delay) -> Delay:
     """A delay of which that is undone whose side of zero another one's interval is on, too."""
-    if not np.ptp(delay.undone):
-        same = (np.sign(other.interval) == np.sign(delay.common)).all()
-        return delay if same else _kept(delay)
-    same = (np.sign(other.intervals) == np.sign(delay.undone)[:, None]).all(axis=1)
-    undone = np.where(same, delay.undone, 0.0)
-    if not undone.any():
-        return _kept(delay)
-    left = np.where(undone == delay.undone, delay.left, _each_left_open(delay))
-    return replace(delay, undone=undone, left=left)
+    ends = other.intervals if np.ptp(delay.undone) else [other.interval]
+    same = (np.sign(ends) == np.sign(delay.undone)[:, None]).all(axis=1)
+    return _undoing(delay, np.where(same, delay.undone, 0.0))
 
 
-def _each_left_open(delay: Delay) -> FloatArray:
-    """Deviations in s (m,) of delays of motors that are not clear."""
-    return _left_open(delay.each, np.ptp(delay.intervals, axis=1) / 2 / NORMAL_95, delay.step)
-
-
-def _kept(delay: Delay) -> Delay:
-    """A delay of which nothing is undone."""
-    error = np.ptp([delay.interval], axis=1) / 2 / NORMAL_95
-    left = _left_open(np.array([delay.common]), error, delay.step)
-    return replace(delay, undone=0.0 * delay.undone, left=left)
-
-
-def _left_open(delays: FloatArray, errors: FloatArray, step: float) -> FloatArray:
-    """Deviations in s (k,) of delays that are not clear: what the data leave of a usual one."""
-    usual = min(USUAL, step)
+def _undoing(delay: Delay, undone: FloatArray) -> Delay:
+    """A delay of which this (m,) is undone; of what is not clear, the data leave a usual one."""
+    own = bool(np.ptp(undone))
+    delays = delay.each if own else np.array([delay.common])
+    errors = np.ptp(delay.intervals if own else [delay.interval], axis=1) / 2 / NORMAL_95
+    usual = min(USUAL, delay.step)
     known = 1 / (1 + (errors / usual) ** 2)
-    return np.asarray(np.hypot(known * delays, usual * np.sqrt(1 - known)))
+    kept = np.hypot(known * delays, usual * np.sqrt(1 - known))
+    clear = undone != 0 if own else undone.any(keepdims=True)
+    return replace(delay, undone=undone, left=np.where(clear, errors, kept))
 
 
 def _sharpens(sharp: Delay, other: Delay) -> bool:
@@ -373,16 +339,6 @@ def _agree(one: Delay, other: Delay) -> bool:
     """
     sharp, wide = sorted(np.ptp([one.interval, other.interval], axis=1) / 2)
     return np.isinf(sharp) or bool((one.common - other.common) ** 2 <= wide**2 - sharp**2)
-
-
-def without_delay(
-    force_model: ForceModel, recordings: Sequence[Recording], delay: Delay | None
-) -> tuple[Recording, ...]:
-    """The recordings with what is clear of a delay undone: their forces are moved."""
-    if delay is None or not delay.clear:
-        return tuple(recordings)
-    robot = force_model.robot
-    return tuple(_moved(robot, one, delay.undone) for one in recordings)
 
 
 class InTime(NamedTuple):
@@ -410,7 +366,7 @@ def in_time(
     n_jobs: int = 1,
 ) -> InTime:
     """Undo the delay that the first of some groups of recordings shows, and choose its cut-off."""
-    kept = tuple(map(tuple, groups))
+    kept, robot = tuple(map(tuple, groups)), force_model.robot
     choice, at = cutoff_and_samples(force_model, kept[0], n_jobs=n_jobs)
     if not undo:
         return InTime(kept, None, choice, at)
@@ -418,9 +374,14 @@ def in_time(
     if choice is not None and at is None:
         at = Sampled.of(force_model, logged, choice.chosen, n_jobs=n_jobs)
     of_logs = _delays_of_logs(force_model, logged, at)
+
+    def alike(one: Recording) -> Recording:
+        """A recording whose forces are as late as those of the other logs."""
+        late = np.full(len(robot.actuated), of_logs.get(one.name, 0.0))
+        return _moved(robot, one, late) if late.any() else one
+
     if of_logs:
-        robot = force_model.robot
-        kept = tuple(tuple(_alike(robot, one, of_logs) for one in each) for each in kept)
+        kept = tuple(tuple(alike(one) for one in each) for each in kept)
         choice, at = cutoff_and_samples(force_model, kept[0], n_jobs=n_jobs)
         logged = _logged(kept[0])
     delay = _delay_of(force_model, logged, None if choice is None else choice.chosen, at)
@@ -430,7 +391,7 @@ def in_time(
         delay = replace(delay, of_logs=of_logs)
     if delay is None or not delay.clear:
         return InTime(kept, delay, choice, at if logged == kept[0] else None)
-    moved = tuple(without_delay(force_model, each, delay) for each in kept)
+    moved = tuple(tuple(_moved(robot, one, delay.undone) for one in each) for each in kept)
     choice, at = cutoff_and_samples(force_model, moved[0], n_jobs=n_jobs)
     return InTime(moved, delay, choice, at)
 
@@ -447,8 +408,8 @@ def _delays_of_logs(
         return {}
     try:
         band = _bands(force_model, logged, None if sampled is None else sampled.cutoff)[0]
-        both = _in_band(force_model, logged, band, sampled)
-        search = _Search(_Forces(force_model, both, of_logs=True), slip=True)
+        forces = _Forces(force_model, logged, band, sampled, of_logs=True)
+        search = _Search(forces, slip=True)
         _, _, delays, settled = search.delays
         errors = np.where(settled, search.errors(delays)[0], np.inf)
     except (DataError, RankError):
@@ -465,25 +426,18 @@ def _delays_of_logs(
     return {names[k]: float(late[k]) for k in np.flatnonzero(clear) if k != usual}
 
 
-def _alike(robot: Robot, recording: Recording, of_logs: Mapping[str, float]) -> Recording:
-    """A recording whose forces are as late as those of the other logs."""
-    late = of_logs.get(recording.name)
-    if late is None:
-        return recording
-    return _moved(robot, recording, np.full(len(robot.actuated), late))
-
-
 def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
     """The same motion with forces of times that are shifts (m,) later, in its log, too."""
     if recording.log is None:
         return recording
     log = recording.log.delayed(shifts)
-    force, used = _Run(robot, recording).force(shifts)
+    run = _Run(robot, recording)
+    force, used = run.force(shifts)
     with warnings.catch_warnings(action="ignore"):  # given when it was prepared
         limits = saturation_of(robot, recording.log)
     if np.isfinite(limits).any():
         rows = np.searchsorted(log.time, recording.motion.time).clip(max=len(log) - 1)
-        flags = near_saturation(log, limits, _lowpass(recording))[rows]
+        flags = near_saturation(log, limits, run.lowpass)[rows]
         used &= on_independent(robot, recording.motion, np.zeros(flags.shape), ~flags)[1]
     lost = log.dropped[len(recording.log.dropped) :]
     dropped = (*recording.dropped, *lost)
@@ -547,11 +501,6 @@ def _rates(samples: FitSamples, force: FloatArray, times: Sequence[FloatArray]) 
     return rates
 
 
-def _lowpass(recording: Recording) -> LowPass | None:
-    """What it was filtered by."""
-    return None if recording.history is None else recording.history.lowpass
-
-
 class _Run:
     """A recording and its forces at any shift."""
 
@@ -562,15 +511,16 @@ class _Run:
         assert log is not None
         self.recording, self.robot = recording, robot
         self.time = np.asarray(recording.motion.time)
-        parts, lowpass = log.parts(), _lowpass(recording)
+        parts, history = log.parts(), recording.history
+        self.lowpass = None if history is None else history.lowpass
         self.steps = [1 / log.rate(part) for part in parts if part.stop - part.start > 1]
         self.lengths = [float(np.ptp(log.time[part])) for part in parts]
         part_of = np.searchsorted([log.time[part.start] for part in parts], self.time, "right") - 1
         self.signals = []
         for k in np.unique(part_of):
             force = log.force[parts[k]]
-            if lowpass is not None:
-                force = lowpass.apply(force, log.rate(parts[k]))
+            if self.lowpass is not None:
+                force = self.lowpass.apply(force, log.rate(parts[k]))
             signal = make_interp_spline(log.time[parts[k]], force, k=DEGREE, axis=0)
             self.signals.append((np.flatnonzero(part_of == k), signal))
 
@@ -642,18 +592,30 @@ class _Forces:
     Shifts are of all forces, of each motor, or of each log.
     """
 
-    def __init__(self, force_model: ForceModel, at: Sampled, *, of_logs: bool = False) -> None:
+    def __init__(
+        self,
+        force_model: ForceModel,
+        recordings: Sequence[Recording],
+        band: float,
+        sampled: Sampled | None,
+        *,
+        of_logs: bool = False,
+    ) -> None:
+        at = sampled
+        if at is None or at.cutoff != band:
+            at = Sampled.of(force_model, recordings, band)
         robot, recordings = force_model.robot, at.recordings
-        names = [*dict.fromkeys(one.name for one in recordings)]
-        self.log_of = [names.index(one.name) for one in recordings] if of_logs else None
         self.runs, self.joints = [_Run(robot, one) for one in recordings], robot.actuated
         self.step = min(step for run in self.runs for step in run.steps)
         longest = min(LONGEST, PART * max(length for run in self.runs for length in run.lengths))
         self.shifts = np.linspace(-longest, longest, TRIED)
-        # Motors that act on all coordinates together are not separated.
-        self.count = 1 if robot.redundant else len(robot.actuated)
+        # Which delay is that of each force (runs, dof), and how many there are. Motors that act on
+        # all coordinates together are not separated.
+        names = [*dict.fromkeys(one.name for one in recordings)]
+        self.count = len(names) if of_logs else 1 if robot.redundant else len(robot.actuated)
+        self.whose = np.tile(np.arange(len(robot.independent)), (len(recordings), 1))
         if of_logs:
-            self.count = len(names)
+            self.whose[:] = np.array([[names.index(one.name)] for one in recordings])
         self.driven = ~np.isin(robot.independent, robot.free)
         tried, used = zip(*map(self.at, self.shifts[:, None]), strict=True)
         self.tried = np.stack(tried, axis=2)  # (N, dof, TRIED)
@@ -668,21 +630,20 @@ class _Forces:
 
     def at(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Forces (N, dof) of times that are shifts (count,) later, and which can be used."""
-        of_runs = np.broadcast_to(shifts, (len(self.runs), len(shifts)))
-        if self.log_of is not None and len(shifts) > 1:
-            of_runs = shifts[self.log_of, None]
-        of_runs = np.broadcast_to(of_runs, (len(self.runs), len(self.joints)))
+        of_runs = shifts[self._whose(len(shifts))[:, : len(self.joints)]]
         pairs = zip(self.runs, of_runs, strict=True)
         force, used = zip(*(run.force(own) for run, own in pairs), strict=True)
         return np.concatenate(force), np.concatenate(used)
 
+    def _whose(self, count: int) -> IntArray:
+        """Which of one delay of all, or of a delay each, is that of a force (runs, dof)."""
+        return self.whose if count > 1 else 0 * self.whose
+
     def slopes(self, force: FloatArray, count: int) -> FloatArray:
         """What a delay of all, each motor or each log does to forces (N, dof): (N, dof, count)."""
         rates = _rates(self.samples, force, [run.time for run in self.runs])
-        acting = self.driven[:, None] * (1.0 if count == 1 else np.eye(rates.shape[1], count))
-        if self.log_of is not None and count > 1:
-            log_of = np.repeat(self.log_of, [len(run.time) for run in self.runs])
-            acting = self.driven[:, None] * np.eye(count)[log_of][:, None]
+        whose = np.repeat(self._whose(count), [len(run.time) for run in self.runs], axis=0)
+        acting = self.driven[:, None] & (whose[:, :, None] == np.arange(count))
         return np.asarray(-rates[:, :, None] * acting)
 
 
@@ -692,8 +653,13 @@ class _Search:
     def __init__(self, forces: _Forces, *, slip: bool = False) -> None:
         self.forces, samples = forces, forces.samples
         self.prior = np.zeros((0, samples.regressor.shape[2]))
-        if slip:
-            samples, self.prior = _beside_slip(samples, forces.slips)
+        if slip and forces.slips:
+            motors, columns = zip(*forces.slips.items(), strict=True)
+            width, force = samples.regressor.shape[2], samples.problem.force_rms
+            samples = samples.beside("slip", np.concatenate(columns, axis=2))
+            # The deviations of all elements together are the force of their motor.
+            ones = np.eye(ELEMENTS * len(motors), samples.regressor.shape[2], width)
+            self.prior = ones / np.repeat(force[[*motors]] / ELEMENTS, ELEMENTS)[:, None]
         self.samples = samples
         self.size = samples.problem.force_rms
         # Factors of each motor, for any weights of them.
@@ -761,14 +727,10 @@ class _Search:
         sizes = np.linalg.norm(self._rows(slopes), axis=(0, 1))
         sizes = np.where(sizes > 0, sizes, 1.0)
         columns = self._left_of(slopes / sizes)
-        measured = self._measured(force, len(shifts)) / sizes
+        measured = self._left_of(self.forces.slopes(force, len(shifts))) / sizes
         left = self._left_of(force[:, :, None])[:, 0]
         change = np.linalg.lstsq(columns.T @ measured, columns.T @ left, rcond=UNKNOWN)[0]
         return change / sizes, left - measured @ change
-
-    def _measured(self, force: FloatArray, count: int) -> FloatArray:
-        """Rows of what a delay of all motors, or of each, does to the forces as they are."""
-        return self._left_of(self.forces.slopes(force, count))
 
     def slopes(self, force: FloatArray, count: int) -> FloatArray:
         """What a delay of all motors, or of each, does to the forces: (N, dof, count)."""
@@ -814,7 +776,7 @@ class _Search:
         C = result.covariance[width:, width:]
         scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL_95 / np.sqrt(np.diag(C))
         # What is measured of a column alone counts: its noise of positions has no information.
-        counts = left.T @ self._measured(force, len(shifts))[:, known]
+        counts = left.T @ self._left_of(self.forces.slopes(force, len(shifts)))[:, known]
         if np.linalg.cond(counts / np.outer(sizes[known], sizes[known])) > 1 / UNKNOWN:
             return errors, np.inf
         change = np.linalg.solve(counts, left.T @ left)
@@ -873,14 +835,10 @@ class _Search:
             each=np.array(np.broadcast_to(each, m)),
             intervals=np.array(np.broadcast_to(each[:, None] + ends, (m, 2))),
             step=self.forces.step,
-            undone=np.array(np.broadcast_to(undone, m)),
-            left=np.array([error]),
+            undone=np.zeros(m),
+            left=np.zeros(1),
         )
-        if not undone.any():
-            return _kept(found)
-        if not np.ptp(undone):
-            return found
-        return replace(found, left=np.where(undone != 0, errors, _each_left_open(found)))
+        return _undoing(found, np.array(np.broadcast_to(undone, m)))
 
     def _stands_out(self, k: int, delays: FloatArray, errors: FloatArray) -> bool:
         """Whether a motor has clearly a delay of its own, far from the mean of the others."""
@@ -908,21 +866,6 @@ def _disagreement(delays: FloatArray, errors: FloatArray) -> float:
     mean = np.average(delays, weights=errors**-2)
     square = float((((delays - mean) / errors) ** 2).sum())
     return float(np.sqrt(square / freedom)) if square > chdtri(freedom, FALSE_ALARM) else 1.0
-
-
-def _beside_slip(
-    samples: FitSamples, slips: Mapping[int, FloatArray]
-) -> tuple[FitSamples, FloatArray]:
-    """Samples beside Maxwell slip of motors, and rows of a prior of all columns.
-
-    The deviations of all elements together are the force of their motor.
-    """
-    width, force = samples.regressor.shape[2], samples.problem.force_rms
-    if not slips:
-        return samples, np.zeros((0, width))
-    deviations = np.repeat(force[list(slips)] / ELEMENTS, ELEMENTS)
-    prior = np.eye(len(deviations), width + len(deviations), width) / deviations[:, None]
-    return samples.beside("slip", np.concatenate(list(slips.values()), axis=2)), prior
 
 
 def _of_slip(samples: FitSamples, recordings: Sequence[Recording]) -> dict[int, FloatArray]:

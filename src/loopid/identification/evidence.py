@@ -1,13 +1,12 @@
 """How well a robot file explains a log: the evidence, once mistakes are undone.
 
-In the band of the motion, forces are explained by the bodies of the robot file and by small
-offsets. Parameters of the bodies may be off by half. Friction and inertia of each drive explain
-them, too, and are projected out. Friction that would give energy does not count. Sizes of the
-errors and the bodies follow from each other; their evidence [MacKay1992] compares what may have
-been undone. Its rivals are real. One is a force over the position of a motor that the robot file
-lacks, such as a spring or a counterbalance. Another is bodies that are further off. All that is
-tried at one pose shares one table of columns. Forces of another size, or motors, another time axis
-and rivals only weigh or exchange its columns.
+In the band of the motion, forces are explained by the bodies of the robot file, which may be off by
+half, and by small offsets. Friction and inertia of each drive are projected out; friction that
+would give energy does not count. Sizes of the errors and the bodies follow from each other; their
+evidence [MacKay1992] compares what may have been undone. Its rivals are a force over the position
+of a motor that the robot file lacks, and bodies that are further off. All that is tried at one pose
+shares one table of columns: forces of another size, or motors, another time axis and rivals only
+weigh or exchange these.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import groupby
-from math import inf, pi
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,8 +36,6 @@ from loopid.robot.robot import Robot
 # Standard deviation of joint terms, in forces by the robot file, and of the offset of any drive, or
 # of friction that differs with the direction, in its forces.
 FLAT, OFFSET = 10.0, 0.1
-LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the file
-TURN = 2 * pi  # motors hardly move further, in rad or characteristic lengths
 OWN = ("Fc", "Fv", "Ia")  # joint terms of motors that are projected out
 TOGETHER = 64  # mistakes whose products are in memory
 LEAST_INDEPENDENT, ITERATIONS = 10, 8  # samples, and steps to the weights of a fit
@@ -101,6 +98,7 @@ class _Table(NamedTuple):
     friction: FloatArray  # (d, 2, 2 n + 3), the columns along two directions of the friction
     power: FloatArray  # (d, 2), mean power of these
     ends: FloatArray  # (d, 2, 2), friction when slow and when fast, by what there is along these
+    known: bool  # whether the loops close, with enough samples; else all are zero
 
 
 def _on_axis(columns: FloatArray, time: tuple[float, ...]) -> FloatArray:
@@ -149,7 +147,7 @@ class Evidence:
     def _forget(self) -> None:
         """Nothing is known of the samples yet."""
         self._motions: dict[Motion, tuple[FloatArray, FloatArray, BoolArray]] = {}
-        self._tables: dict[Pose, _Table | None] = {}
+        self._tables: dict[Pose, _Table] = {}
         self._known_products: dict[tuple[Pose, tuple[float, ...]], FloatArray] = {}
 
     def _samples(self, recording: Recording, most: int) -> list[Any]:
@@ -290,13 +288,13 @@ class Evidence:
 
     def _table(
         self, own: FloatArray, motors: IntArray, columns: FloatArray, closed: BoolArray
-    ) -> _Table | None:
-        """The table of forces of motors; None where the loops do not close, or of few samples."""
+    ) -> _Table:
+        """The table of forces of motors."""
         used = self.used[:, motors] & closed[:, None]
         counts = used.sum(axis=0)
         least = min(LEAST_INDEPENDENT, len(closed) // 4)
-        if closed.mean() < CLOSING or counts[self.present].min() < least:
-            return None
+        known = bool(closed.mean() >= CLOSING and counts[self.present].min() >= least)
+        used &= known
         columns = np.concatenate([columns, self.force[:, motors, None]], axis=2)
         columns, own = ((one * used[:, :, None]).swapaxes(0, 1) for one in (columns, own))
         # Inertia first: what follows is friction alone, viscous and Coulomb.
@@ -306,7 +304,7 @@ class Evidence:
         fastest = np.abs(own[:, :, 1]).max(axis=1)
         rates = np.stack([np.zeros_like(fastest), fastest], axis=1)
         ends = np.stack([rates, np.ones_like(rates)], axis=2) @ np.linalg.pinv(R[:, 1:, 1:])
-        return _Table(columns - Q @ parts, counts, parts[:, 1:], power, ends)
+        return _Table(columns - Q @ parts, counts, parts[:, 1:], power, ends, known)
 
     # The tests.
 
@@ -348,7 +346,7 @@ class Evidence:
         # Of the forces as measured, whatever they were divided by.
         lost = (np.log(error * gain) + square / error**2 / 2) @ self.independent
         lost += ((x**2).sum(axis=1) + np.linalg.slogdet(H)[1]) / 2
-        lost[[self._tables[_pose(one)] is None for one in undone]] = inf
+        lost[[not self._tables[_pose(one)].known for one in undone]] = inf
         values = np.zeros((len(x), self._count))
         values[:, kept[:-2]] = x
         bodies = z[:, None] * self._of_bodies[kept]
@@ -420,11 +418,9 @@ class Evidence:
     def _products(self, pose: Pose, time: tuple[float, ...]) -> FloatArray:
         """Mean products (d, n + 2, n + 2) of the columns at a pose and on a time axis."""
         if (pose, time) not in self._known_products:
-            table, n = self._tables[pose], self._count
-            found = np.zeros((len(self.names), n + 2, n + 2))
-            if table is not None:
-                columns = _on_axis(table.columns, time)
-                found = columns.swapaxes(1, 2) @ columns / table.counts[:, None, None]
+            table = self._tables[pose]
+            columns = _on_axis(table.columns, time)
+            found = columns.swapaxes(1, 2) @ columns / table.counts[:, None, None]
             self._known_products[pose, time] = found
         return self._known_products[pose, time]
 
@@ -432,9 +428,7 @@ class Evidence:
         self, pose: Pose, time: tuple[float, ...]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Columns (d, 2, n + 2) along the friction by the root of the counts, power, and ends."""
-        table, d, n = self._tables[pose], len(self.names), self._count
-        if table is None:
-            return np.zeros((d, 2, n + 2)), np.zeros((d, 2)), np.zeros((d, 2, 2))
+        table = self._tables[pose]
         size = np.sqrt(table.counts)[:, None, None]
         return _on_axis(table.friction, time) / size, table.power, table.ends * size
 
@@ -453,9 +447,7 @@ class Evidence:
     def weighed(self, undone: Undone) -> Explanation:
         """Explained with samples that count by how correlated their errors are, from now on."""
         (found,) = self.explained([undone])
-        table = self._tables[_pose(undone)]
-        assert table is not None
-        columns = _on_axis(table.columns, undone.time)
+        columns = _on_axis(self._tables[_pose(undone)].columns, undone.time)
         for k in self.present:
             z = np.concatenate([found.values, [1.0, -1.0 / undone.gain[k]]])
             error = (columns[k] @ z)[self.used[:, undone.forces[k]]]
@@ -477,10 +469,6 @@ class Evidence:
         """By which part of the robot file's bodies all of a log are heavier, by least squares."""
         own = found.values[len(self.names) :][: self.sensed]
         return float(self.of_file @ own / max(float(self.of_file @ self.of_file), TINY))
-
-    def unit(self, motor: int) -> tuple[str, float]:
-        """Of the positions of a motor, and the length in it that zeros are in."""
-        return self.robot.units(self.names[motor])[0], float(self.lengths[motor])
 
     def sizes(self, undone: Sequence[Undone]) -> FloatArray:
         """Root mean squares (S, d) of the forces."""
@@ -513,16 +501,6 @@ class Evidence:
         shape = np.ones_like(sizes) if whole else found.shape / sizes
         left = (found.error / sizes)[own]
         return bool((left**2).sum() <= most**2 * (shape[own] ** 2).sum())
-
-    def largest_gain(self, undone: Undone, motors: Sequence[int]) -> float:
-        """With larger ones all bodies would weigh nothing."""
-        ratio = self.sizes([undone])[0] / self.possible
-        return float(LARGEST * max(1.0, ratio[list(motors)].max()))
-
-    def least_ratio(self, undone: Undone, motor: int) -> float:
-        """With smaller ones a motor would move further than one does."""
-        span = self.span[undone.positions[motor]] / abs(undone.ratio[motor])
-        return float(span / max(span, TURN))
 
 
 def _pose(undone: Undone) -> Pose:

@@ -1,13 +1,10 @@
 """Identifiability from a log, of parameters that the structure makes identifiable.
 
 A combination of base parameters is *unidentifiable* from a log where no force of the log depends on
-it. It is *weakly identifiable* where its standard error is above its size in the robot file.
-
-Sizes make the question independent of units and of the choice of base parameters. With D the sizes
-of the standard parameters (``body_sizes``) and Φ_base = M Φ, base parameters are φ = L x with L
-Lᵀ = M D² Mᵀ. Forces count in parts of what each motor gave. The singular values of the regressor W
-L are then effects. They are what a change of one size along each direction does to the forces, in
-the root mean square over the data.
+it. It is *weakly identifiable* where its standard error is above its size in the robot file. With D
+the sizes of the standard parameters (``body_sizes``) and Φ_base = M Φ, base parameters are φ = L x
+with L Lᵀ = M D² Mᵀ. Forces count in parts of what each motor gave. The singular values of the
+regressor W L are then effects: what a change of one size along each direction does to the forces.
 """
 
 from __future__ import annotations

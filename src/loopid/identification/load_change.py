@@ -1,15 +1,14 @@
 """What changes: a load that comes or goes within a log, or one log that differs from others.
 
 All parameters are fitted to all logs. Beside them one body at a time may have another mass and
-another centre from a time on, which adds four columns. Sums of products of the columns, over blocks
-of samples, say for each time and body how much of the errors goes. A model that is wrong all along
-loses little by that. Rivals are forces of each motor that have another size or zero from then on,
-or drift. A log may differ from others by its load, or by the size, zero or delay of its forces.
+centre from a time on. Sums of products of the columns, over blocks of samples, say for each time
+and body how much of the errors goes. A model that is wrong all along loses little by that. Rivals
+are forces of each motor that have another size or zero from then on, or drift.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -29,8 +28,6 @@ BLOCKS, FINER, LEAST_SAMPLES, LEAST_BLOCKS = 24, 16, 8, 2
 LEFT = 0.6  # part of the errors that is left at most where a load changes
 RIVAL = 0.9  # of those that a rival leaves
 LARGE = 0.03  # errors of all motors, in parts of their forces, that are worth a cause
-# Shifts in s between which, times a factor, those lie that a log may have beside others.
-SHIFTS = (-0.1, -0.05, -0.025, 0.025, 0.05, 0.1)
 RIDGE, SEEN = 1e-12, 1e-6  # of columns of unit length: what keeps, and what is, independent
 
 
@@ -43,7 +40,7 @@ class LogChange:
     name : str
         Of the log; of two the second.
     what : str
-        ``"load"``, ``"size"`` of forces, or ``"time"``.
+        ``"load"``, or ``"size"`` of forces.
     before, after : float
         Errors of all motors, in parts of their forces in the root mean square, without and with it.
     time : float or None
@@ -74,7 +71,6 @@ class LogChange:
 DIFFERS = {
     "load": ("the load of {} differs", "a body that is lighter or heavier"),
     "size": ("the size or zero of forces of {} differs", "others of each motor"),
-    "time": ("the delay of forces of {} differs", "another one"),
 }
 
 
@@ -92,7 +88,9 @@ def load_change(
     before, after = (float(np.sqrt(part * products.error)) for part in (1.0, left))
     if before < LARGE or after > LEFT * before:
         return None
-    if after > RIVAL * np.sqrt(products.part_by_rivals(first, run) * products.error):
+    own = _rows(data, [k == run for k in range(len(recordings))])
+    rivals = products.part_with_size(slice(first, own.stop), own)
+    if after > RIVAL * np.sqrt(rivals * products.error):
         return None
     time = np.concatenate([run.motion.time for run in recordings])
     return LogChange(recordings[run].name, "load", before, after, float(time[first]))
@@ -110,20 +108,23 @@ def log_difference(
     before = float(np.sqrt(products.error))
     if before < LARGE:
         return None
-    time = np.concatenate([run.motion.time for run in recordings])
     tried = logs if len(logs) > 2 else logs[1:]  # of two, the same
-    parts = {
-        (name, what): left
-        for name in tried
-        for what, left in products.parts_of_log(
-            np.flatnonzero([names[run] == name for run in data.runs]), time
-        ).items()
-    }
+    parts = dict[tuple[str, str], float]()
+    for name in tried:
+        rows = _rows(data, [other == name for other in names])
+        parts[name, "load"] = products.part_with_load(rows)
+        parts[name, "size"] = products.part_with_size(rows)
     (name, what), left = min(parts.items(), key=lambda each: each[1])
     others = [part for (_, other), part in parts.items() if other != what]
     if np.sqrt(left) > min(LEFT, RIVAL * np.sqrt(min(others))):
         return None
     return LogChange(name, what, before, before * float(np.sqrt(left)))
+
+
+def _rows(data: FitSamples, chosen: Sequence[bool]) -> slice:
+    """Rows of those recordings that are chosen, one after the other."""
+    own = np.flatnonzero(np.array(chosen)[data.runs])
+    return slice(int(own[0]), int(own[-1]) + 1)
 
 
 class _Products:
@@ -140,7 +141,11 @@ class _Products:
         self.left = max(float(whole[n, n] - whole[:n, n] @ self.values), RIDGE)
         # The mean square.
         self.error = self.left * self.sizes[n] ** 2 / max(int(data.used.sum()), 1)
-        self.bodies = [*_by_body(force_model, force_model.matrix * self.sizes[:n, None])]
+        # Columns (n, k) of the mass and centre of each body that has an effect.
+        matrix, named = force_model.matrix * self.sizes[:n, None], force_model.base.parameters
+        links = np.array([p.link if p.kind in GRAVITY_KINDS else "" for p in named])
+        bodies = (matrix[:, links == link] for link in dict.fromkeys(links) if link)
+        self.bodies = [body for body in bodies if body.any()]
 
     def _of(self, rows: slice, beside: FloatArray | None = None) -> FloatArray:
         """Products (n + 1, n + 1) of samples; with columns (N, dof, k) of all, after the force."""
@@ -180,30 +185,20 @@ class _Products:
         sums = np.cumsum(blocks[::-1], axis=0)[::-1]
         return np.concatenate([sums, np.zeros_like(sums[:1])])
 
-    def part_by_rivals(self, first: int, run: int) -> float:
-        """The least part of the squares that rivals of a load leave, from a row of a recording."""
-        own = np.flatnonzero(self.data.runs == run)
-        rows = np.arange(len(self.data))
-        late = (rows >= first) & (rows <= own[-1])
-        drift = np.interp(rows, own[[0, -1]], [0.0, 1.0], left=0.0, right=0.0)
-        both = _size_and_zero(self._predicted_without(slice(first, int(own[-1]) + 1)))
-        return min(self._part_beside(part[:, None, None] * both) for part in (late, drift))
+    def part_with_load(self, rows: slice) -> float:
+        """The part of the squares that is left with the load of one body from some rows on."""
+        return self._part_left(self._scaled(self._of(rows)))
 
-    def parts_of_log(self, rows: IntArray, time: FloatArray) -> dict[str, float]:
-        """Part of the squares that is left where the rows of a log differ, by what differs.
-
-        Stamps (N,) in s are of all samples.
-        """
-        own = slice(int(rows[0]), int(rows[-1]) + 1)
-        force = self._predicted_without(own)
-        there = np.zeros((len(force), 1, 1))
-        there[own] = 1.0
-        late = (self._part_beside(_later(force, time, own, each)) for each in SHIFTS)
-        return {
-            "load": self._part_left(self._scaled(self._of(own))),
-            "size": self._part_beside(there * _size_and_zero(force)),
-            "time": min(late),
-        }
+    def part_with_size(self, rows: slice, drifts: slice | None = None) -> float:
+        """The same with forces of another size and zero in rows; or that drift over others."""
+        force, every = self._predicted_without(rows), np.arange(len(self.data))
+        motors, shapes = np.eye(force.shape[1]), [(every >= rows.start) & (every < rows.stop)]
+        sizes = force[:, :, None] * motors
+        both = np.concatenate([sizes, np.broadcast_to(motors, sizes.shape)], axis=2)
+        if drifts is not None:
+            ends = drifts.start, drifts.stop - 1
+            shapes.append(np.interp(every, ends, [0.0, 1.0], left=0.0, right=0.0))
+        return min(self._part_beside(shape[:, None, None] * both) for shape in shapes)
 
     def _predicted_without(self, rows: slice) -> FloatArray:
         """Forces (N, dof) by a fit without some rows."""
@@ -233,27 +228,3 @@ class _Products:
             error = (force - beside @ self.values) / sizes
             gains.append(float(error @ np.linalg.pinv(own, SEEN, hermitian=True) @ error))
         return max(1 - max(gains) / self.left, 0.0)
-
-
-def _size_and_zero(force: FloatArray) -> FloatArray:
-    """Columns (N, dof, 2 dof) of another size and zero of forces (N, dof)."""
-    motors = np.eye(force.shape[1])
-    sizes = force[:, :, None] * motors
-    return np.concatenate([sizes, np.broadcast_to(motors, sizes.shape)], axis=2)
-
-
-def _later(force: FloatArray, time: FloatArray, rows: slice, shift: float) -> FloatArray:
-    """A column (N, dof, 1) of what a shift in s changes in forces (N, dof) of some rows."""
-    found, own = np.zeros_like(force), time[rows]
-    for k, forces in enumerate(force[rows].T):
-        found[rows, k] = np.interp(own - shift, own, forces) - forces
-    return found[:, :, None]
-
-
-def _by_body(force_model: ForceModel, matrix: FloatArray) -> Iterator[FloatArray]:
-    """Columns (n, k) of the mass and centre of each body that has an effect, of (n, p)."""
-    named = force_model.base.parameters
-    for link in dict.fromkeys(each.link for each in named):
-        own = [k for k, p in enumerate(named) if p.link == link and p.kind in GRAVITY_KINDS]
-        if matrix[:, own].any():
-            yield matrix[:, own]

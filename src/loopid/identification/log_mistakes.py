@@ -1,14 +1,12 @@
 """Mistakes in logs: those that would explain the forces clearly better.
 
-Each mistake that is often made is undone in turn, at the size that explains the forces best
-(``mistake_kinds.py``). Forces of a motor may be in other units or with another sign, and columns of
-two motors exchanged. Positions of a motor may be times another ratio or from another zero. A time
-axis may be a factor off. One is found that raises the evidence of the data clearly
-(``evidence.py``), and more than any force that the robot file lacks. After it the file must explain
-the shape of the forces. It is undone before the next is looked for. Wrong bodies alone do not look
-like a mistake of one motor: all motors carry them. Forces that are seconds late are found first
-(``log_timing.py``). Where a log passes singular poses, samples clear of these count: forces that
-grow without bound there spoil those beside them once they are filtered.
+Each mistake that is often made (``mistake_kinds.py``) is undone in turn, at the size that explains
+the forces best. One is found that raises the evidence of the data clearly (``evidence.py``), and
+more than any force that the robot file lacks. After it the file must explain the shape of the
+forces. It is undone before the next is looked for. Wrong bodies alone do not look like a mistake of
+one motor: all motors carry them. Forces that are seconds late are found first (``log_timing.py``).
+Where a log passes singular poses, samples clear of these count: forces that grow without bound
+there spoil those beside them once they are filtered.
 """
 
 from __future__ import annotations
@@ -21,13 +19,13 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import NOT_EMPTY, FloatArray, checked
+from loopid.arguments import NOT_EMPTY, BoolArray, FloatArray, checked
 from loopid.errors import first_of
 from loopid.findings import EVIDENCE, Finding
 from loopid.identification.evidence import STRANGE, Evidence, Explanation, Undone
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
-from loopid.identification.mistake_kinds import KINDS, KNOWN, ZERO_OFF, Motors, called
+from loopid.identification.mistake_kinds import KINDS, KNOWN, ZERO_OFF, Mistaken, Motors
 from loopid.identification.own_gains import OwnGains, own_gains
 from loopid.logs.checks import without_signs
 from loopid.logs.preparing import NEAR_SINGULAR, in_motion_band
@@ -180,12 +178,14 @@ def singular_poses(recordings: Sequence[Recording]) -> Finding | None:
     time = np.concatenate([run.motion.time for run in recordings])
     threshold, worst = NEAR * float(np.median(measure)), int(measure.argmin())
     lost = [one for run in recordings for one in run.dropped if one.reason == NEAR_SINGULAR]
-    force, near = np.concatenate([*map(_raw_force, recordings)]), np.zeros(0, dtype=bool)
-    for run in recordings:
-        at = run.motion.time if run.log is None else run.log.time
-        own = np.interp(at, run.motion.time, run.motion.singularity)
-        near = np.append(near, own < threshold)
-    larger = False
+    forces, parts = list[FloatArray](), list[BoolArray]()
+    for run in recordings:  # before the filter, which smears peaks, where the log is known
+        at, raw = run.motion.time, run.motor_force
+        if run.log is not None:
+            at, raw = run.log.time, run.log.force
+        forces.append(np.nan_to_num(raw))
+        parts.append(np.interp(at, run.motion.time, run.motion.singularity) < threshold)
+    force, near, larger = np.concatenate(forces), np.concatenate(parts), False
     if near.any() and not near.all():
         beside = AMPLIFIED**2 * (force[~near] ** 2).mean(axis=0)
         larger = bool(((force[near] ** 2).mean(axis=0) > beside).any())
@@ -238,11 +238,6 @@ def _clear_of_singular(recordings: Sequence[Recording]) -> list[Recording]:
         if clear.any():
             kept.append(run.select(clear))
     return kept
-
-
-def _raw_force(run: Recording) -> FloatArray:
-    """Forces (N, m) before the filter, which smears peaks, where the log is known."""
-    return np.nan_to_num(run.motor_force if run.log is None else run.log.force)
 
 
 class _Mistakes(NamedTuple):
@@ -311,14 +306,15 @@ def log_faults_by_log(
     found = [log_faults(robot, parts, joint_terms) for parts in logs.values()]
     if all(each.mistakes for each in found):
         return tuple(found)
-    return tuple(
-        replace(each, mistakes=tuple(_of_log(each.recording, one) for one in each.mistakes))
-        for each in found
-    )
-
-
-def _of_log(name: str, mistake: Finding) -> Finding:
-    return replace(mistake, title=f"{name}: {mistake.title}", do=f"{mistake.do}, for {name} alone")
+    named = list[LogFaults]()
+    for each in found:
+        name, mistakes = each.recording, each.mistakes
+        said = [
+            replace(one, title=f"{name}: {one.title}", do=f"{one.do}, for {name} alone")
+            for one in mistakes
+        ]
+        named.append(replace(each, mistakes=tuple(said)))
+    return tuple(named)
 
 
 class _Find(NamedTuple):
@@ -387,21 +383,25 @@ class _Find(NamedTuple):
 
     def finding(self, model: Evidence, found: Explanation) -> Finding:
         """In words, against how the log was explained before."""
-        sizes = self.size, self.reach
-        said = called(self.kind, self.motors, *sizes, model=model, found=found, own=self.own)
+        kind = KINDS[self.kind]
+        one = Mistaken(
+            tuple(model.names[k] for k in self.motors) if kind.motors or kind.alone else (),
+            *(self.size, self.reach, kind.cause(self.size, self.reach), self.own, model, found),
+        )
+        title, size, do = kind.call(one)
         after, before = (
             100 * one.error / model.sizes([one.undone])[0] for one in (self.after, found)
         )
         # Forces of a motor show positions of another: those of the motor that gains most count.
-        shown = model.present if KINDS[self.kind].assembled else self.motors
+        shown = model.present if kind.assembled else self.motors
         k = max(shown, key=lambda k: float(before[k] - after[k]))
         of = "" if k in self.motors else f" of {model.names[k]}"
         why = (
-            f"{said.size}undone, errors are {number(float(after[k]), 2)} % of the force{of} "
+            f"{size}undone, errors are {number(float(after[k]), 2)} % of the force{of} "
             f"instead of {number(float(before[k]), 3)} % "
             f"(evidence e^{self.evidence - found.evidence:.0f})"
         )
-        return Finding("mistake", said.title, why, said.do)
+        return Finding("mistake", title, why, do)
 
     def gain(self, names: Sequence[str]) -> MotorGain:
         """Of the force of a motor as it was measured."""
@@ -438,8 +438,8 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
         likely = sorted(likely, key=lambda each: -each[0])[:CLOSELY]
     plain = [(one, 0.0) for *_, one in likely if not KINDS[one[0]].sizes]
     sized = _sized(first, found, [one for *_, one in likely if KINDS[one[0]].sizes])
-    sized = [(_as_heavy(first, found, one), deviation) for one, deviation in sized]
-    return _closely(model, found, [*sized, *plain])
+    heavy = [(_as_heavy(first, found, one), deviation) for one, deviation in sized]
+    return _closely(model, found, [*heavy, *plain])
 
 
 def _of_own_gains(model: Evidence, found: Explanation) -> list[_Find]:

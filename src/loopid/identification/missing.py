@@ -1,16 +1,11 @@
 """Forces that a model lacks, found by what they would explain: what physics could add, tested.
 
-Friction by evidence is a part of the default model. Beside it, a motor may show waves over its
-position (teeth, poles) or a spring. Friction may drift as oil warms up, or differ by direction.
-Other motors may show through its gear. Lengths of the robot file may be off, and zeros. Each is a
-few columns beside those of the fit. What they explain of the residuals is tested by F, with errors
-that are autocorrelated. Bonferroni counts all that is tried. Motors are alike, so that a law is
-tested for all of them, too. What is likely is tested again, with what all columns take up of the
-errors added back to these. A clear force that saves errors on segments left out, or moves estimates
-by more than they are known to, is named. It is not added. Intervals hold the bias that it makes. A
-weak spring looks like gravity, and moves estimates of bodies far. Intervals hold the bias of one
-that is likely, though not clear. How much would not show at all is said; intervals hold without
-such a spring. They hold offsets that were left out, of the size that motors have.
+Beside friction by evidence a motor may show waves over its position (teeth, poles) or a spring.
+Friction may drift as oil warms up, or differ by direction. Other motors may show through its gear.
+Lengths of the robot file may be off, and zeros. What a few columns of each explain of the residuals
+is tested by F, with errors that are autocorrelated. Bonferroni counts all that is tried; a law is
+tested for all motors together, too. What is named is not added: intervals hold the bias that it
+makes. How much of a spring would not show at all is said.
 """
 
 from __future__ import annotations
@@ -152,38 +147,27 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
     first, clear = alike[0], alike[0].certainty == "clear"
     severity: Severity = "warning" if clear else "note"
     perhaps, allowed = ("", "") if clear else (" perhaps", "; intervals allow for it")
+    motors, number = first_of([each.motor for each in alike], 1), f"{first.number:.3g} {first.unit}"
     if first.zero:  # always a clear one
-        off = f"by {first.number:.3g} {first.unit}; {first.effect}"
-        return Finding(severity, f"zero of {first.law} is off", off, first.do)
-    if not first.motor:
-        return Finding(
-            severity,
-            f"lengths of the robot file are{perhaps} off",
-            f"{100 * first.number:+.2g} % at {first.law} would, or others; {first.effect}{allowed}",
-            first.do,
+        title, why = f"zero of {first.law} is off", f"by {number}; {first.effect}"
+    elif not first.motor:
+        title = f"lengths of the robot file are{perhaps} off"
+        size = f"{100 * first.number:+.2g} %"
+        why = f"{size} at {first.law} would, or others; {first.effect}{allowed}"
+    elif first.certainty == "hidden":
+        title = f"{motors} may hide a spring"
+        taken = f"up to {number} may be taken for gravity, which {first.effect}"
+        why = f"{taken}; intervals hold without one"
+    else:
+        title = f"{motors}: force {first.law}" if clear else f"perhaps a spring at {motors}"
+        sizes = ", ".join(
+            f"{each.motor} {each.size:.2g} ({100 * each.share:.2g} % of its force, {each.effect})"
+            for each in alike
         )
-    do = first.do.replace("{terms}", "; ".join(f"{each.motor}: {each.term}" for each in alike))
-    motors = first_of([each.motor for each in alike], 1)
-    number = f"{first.number:.3g} {first.unit}"
-    if first.certainty == "hidden":
-        return Finding(
-            severity,
-            f"{motors} may hide a spring",
-            f"up to {number} may be taken for gravity, which {first.effect}; intervals hold "
-            "without one",
-            do,
-        )
-    sizes = ", ".join(
-        f"{each.motor} {each.size:.2g} ({100 * each.share:.2g} % of its force, {each.effect})"
-        for each in alike
-    )
-    said = f"{number}; " if clear and first.unit else ""
-    return Finding(
-        severity,
-        f"{motors}: force {first.law}" if clear else f"perhaps a spring at {motors}",
-        f"{said}root mean squares in N or N m: {sizes}{allowed}",
-        do,
-    )
+        said = f"{number}; " if clear and first.unit else ""
+        why = f"{said}root mean squares in N or N m: {sizes}{allowed}"
+    terms = "; ".join(f"{each.motor}: {each.term}" for each in alike)
+    return Finding(severity, title, why, first.do.replace("{terms}", terms))
 
 
 class _Motor(NamedTuple):
@@ -280,7 +264,10 @@ def missing_forces(
     """
     if fit.result.noise is None:
         return ()
-    fit = _in_time(fit, recordings, delay)
+    late = delay_forces(fit.samples, fit.result.values, recordings, delay)
+    late = late[:, :, late.any(axis=(0, 1))]
+    if late.shape[2]:
+        fit = _beside(fit, late, "delay", of_unit_size=True)
     with one_blas_thread():
         search = _Search(fit, force_model, recordings)
         found = [each for motor in search.motors for each in search.of_motor(motor)]
@@ -289,13 +276,6 @@ def missing_forces(
     if off is not None and (off.certainty == "likely" or off.chance < min(clear, default=1.0)):
         found.insert(0, off)
     return tuple(each for each in found if each.matters)
-
-
-def _in_time(fit: WorkingFit, recordings: Sequence[Recording], delay: Delay | None) -> WorkingFit:
-    """A fit beside what may be left of the delay, after its own parameters."""
-    columns = delay_forces(fit.samples, fit.result.values, recordings, delay)
-    columns = columns[:, :, columns.any(axis=(0, 1))]
-    return _beside(fit, columns, "delay", of_unit_size=True) if columns.shape[2] else fit
 
 
 def _length_or_zero(
@@ -654,7 +634,10 @@ class _Search:
         """The likeliest force of a motor, if one is clear; else its springs."""
         count, tried = self.test.used[:, self.rows[motor]].sum(), list[_Tried]()
         for law, number, kinds in self._tried(motor):
-            found = self._tested(motor, law, number)
+            if law.other:
+                found = self.couplings[motor, law.other]
+            else:
+                found = self.test.of(self._columns(motor, law, number))
             if count >= ROWS * len(found.x):
                 tried.append(_Tried(law, number, kinds * self.families, found))
         best = min(tried, key=lambda one: self._chance(motor, one), default=None)
@@ -669,12 +652,6 @@ class _Search:
                     return [clear]
         springs = (one for one in tried if one.law.term and one.found.x.all())
         return [self._doubtful(motor, one) for one in springs]
-
-    def _tested(self, motor: str, law: _Law, number: float) -> _Tested:
-        """What the test says of a law of a motor."""
-        if law.other:
-            return self.couplings[motor, law.other]
-        return self.test.of(self._columns(motor, law, number))
 
     def _doubtful(self, motor: str, one: _Tried) -> MissingForce:
         """A spring that is not clear: likely, or as much of it as would not show."""

@@ -18,16 +18,14 @@ from loopid.identification.own_gains import OwnGains
 
 # Half of the 95 % interval at most, as a part of the size: a size that is not known is none.
 KNOWN = 0.5
+LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the file
+TURN = 2 * pi  # motors hardly move further, in rad or characteristic lengths
 Motors = tuple[int, ...]
 Cause = tuple[float, str]  # a size, and what it is called; nothing of a factor without a name
 
 
-class Called(NamedTuple):
-    """A mistake in words."""
-
-    title: str
-    size: str  # with its interval; empty of what has none
-    do: str  # such that it can be typed
+# A title, the size with its interval where it has one, and what to do, such that it can be typed.
+Called = tuple[str, str, str]
 
 
 class MistakeKind(NamedTuple):
@@ -35,7 +33,7 @@ class MistakeKind(NamedTuple):
 
     fields: tuple[str, ...]  # of what is undone
     motors: int  # it is of this many; 0 for all
-    call: Callable[[_Mistaken], Called]
+    call: Callable[[Mistaken], Called]
     sizes: tuple[float, ...] = ()  # that are tried first, evenly spread
     signs: tuple[float, ...] = (1.0,)
     causes: tuple[Cause, ...] = ()  # that people have, by the size
@@ -93,27 +91,26 @@ class MistakeKind(NamedTuple):
             return signs
         least, most = 0.0, inf
         if self.fields == ("gain",):
-            most = model.largest_gain(undone, motors)
+            ratio = model.sizes([undone])[0] / model.possible
+            most = LARGEST * max(1.0, float(ratio[list(motors)].max()))
         elif self.fields == ("ratio",):
-            least = model.least_ratio(undone, *motors)
+            (motor,) = motors
+            span = float(model.span[undone.positions[motor]]) / abs(undone.ratio[motor])
+            least = span / max(span, TURN)
         possible = [size for size in self.sizes if least <= size <= most]
         return np.outer(self.signs, possible).ravel()
 
 
-class _Mistaken(NamedTuple):
+class Mistaken(NamedTuple):
     """A mistake that is to be called something."""
 
     names: tuple[str, ...]  # of its motors; empty of all
     size: float
     reach: float  # half of its 95 % interval
     cause: Cause | None
-    unit: str  # of positions of the motor
-    length: float  # in this unit, that zeros are in
-    scales: dict[str, float]  # of forces now, by motor
-    rate: float | None  # of the log in Hz
-    alone: bool  # whether the robot has no other motor
     own: OwnGains | None  # sizes of its motors, where each has its own
-    unknown: tuple[str, ...]  # motors whose own sizes do not show
+    model: Evidence
+    found: Explanation  # how the log was explained before
 
     @property
     def listed(self) -> str:
@@ -138,11 +135,22 @@ class _Mistaken(NamedTuple):
             size, reach = own.gains[k], own.reach[k]
             known = f" ± {abs(size) * reach:.2g}" * bool(0 < reach < inf)
             said.append(f"{name} {'about ' * bool(reach == inf)}{size:.3g}{known}")
-        of = f"; that of {first_of(self.unknown, 1)} does not show" * bool(self.unknown)
+        unknown = np.flatnonzero((own.gains == 1) & (own.reach == inf)).tolist()
+        others = [self.model.names[k] for k in unknown]
+        of = f"; that of {first_of(others, 1)} does not show" if others else ""
         return f"{', '.join(said)} times as much as expected{of}; "
 
-    def scale(self, key: str, scales: dict[str, float]) -> str:
-        """What to set so that values, now times scales, are divided by the factors."""
+    def scale(self, key: str) -> str:
+        """What to set so that values are divided by the factors.
+
+        What is set for forces undoes what was found before, too.
+        """
+        scales, log = dict[str, float](), self.model.log
+        if key == "force_scale":
+            scales |= {} if log is None else log.force_scales
+            for motor, gain in zip(self.model.names, self.found.undone.gain, strict=True):
+                if gain != 1:
+                    scales[motor] = scales.get(motor, 1.0) / gain
         motors = self.names or (*scales,)
         undo = dict.fromkeys(motors, 1 / self.factor)
         if self.own is not None:
@@ -159,71 +167,74 @@ class _Mistaken(NamedTuple):
         return f"set {key}: {given} in the mapping"
 
 
-def _force(one: _Mistaken) -> Called:
+def _force(one: Mistaken) -> Called:
     if one.reach > KNOWN * abs(one.size):  # small, however small
         most = 100 * (abs(one.size) + one.reach)
         title = f"the force of {one.listed} is below {most:.2g} % of what is expected"
-        return Called(title, one.sized, "check its column and its unit: its size is not known")
-    do = one.scale("force_scale", one.scales)
-    if one.alone and one.cause == (-1.0, WRONG_SIGN):  # turned positions look alike
+        return (title, one.sized, "check its column and its unit: its size is not known")
+    do = one.scale("force_scale")
+    if len(one.model.names) == 1 and one.cause == (-1.0, WRONG_SIGN):  # turned positions look alike
         do += f", or position_scale: {{{one.listed}: -1}} where it is its position that is turned"
     return _scaled(one, f"the force of {one.listed}", "has", "is", "its", do)
 
 
-def _own(one: _Mistaken) -> Called:
-    own, do = one.own, one.scale("force_scale", one.scales)
+def _own(one: Mistaken) -> Called:
+    own, do = one.own, one.scale("force_scale")
     assert own is not None
     if (own.gains[list(own.motors)] == -1).all():
-        return Called(f"forces of {first_of(one.names, 1)} have the {WRONG_SIGN}", "", do)
+        return (f"forces of {first_of(one.names, 1)} have the {WRONG_SIGN}", "", do)
     if own.relative:
         do += ", times one number for all where the file's masses are off alike"
     title = f"forces of {first_of(one.names, 1)} have gains of their own"
-    return Called(title, one.sized, do)
+    return (title, one.sized, do)
 
 
-def _position(one: _Mistaken) -> Called:
-    do = f"{one.scale('position_scale', {})}, times what it has"
+def _position(one: Mistaken) -> Called:
+    do = f"{one.scale('position_scale')}, times what it has"
     return _scaled(one, f"the positions of {one.listed}", "have", "are", "their", do)
 
 
-def _scaled(one: _Mistaken, what: str, has: str, is_: str, its: str, do: str) -> Called:
+def _scaled(one: Mistaken, what: str, has: str, is_: str, its: str, do: str) -> Called:
     """Signals that are scaled: by which factor, or why."""
     size, words = one.cause or (1.0, "")
     if not words:
         # Bodies and forces times the same number move alike: only known masses tell them apart.
         by = "" if one.names else ", as its size is known no better than the file's masses"
         do = f"check {its} unit{by}, or {do}"
-        return Called(f"{what} {is_} scaled by {one.factor:g}", one.sized, do)
+        return (f"{what} {is_} scaled by {one.factor:g}", one.sized, do)
     turned = " with the wrong sign" if size < 0 else ""
     said = f"{has} the {words}" if words == WRONG_SIGN else f"{is_} {words}{turned}"
-    return Called(f"{what} {said}", one.sized, do)
+    return (f"{what} {said}", one.sized, do)
 
 
-def _zero(one: _Mistaken) -> Called:
-    off, reach = one.factor * one.length, one.reach * one.length
-    return Called(
-        f"zero of {one.listed} is off by {off:.3g} {one.unit}",
-        f"{one.size * one.length:.3g} ± {reach:.2g} {one.unit}; ",
-        f"set position_offset: {{{one.listed}: {-off:.3g}}} in the mapping, plus one that it has",
+def _zero(one: Mistaken) -> Called:
+    (name,) = one.names
+    unit, length = one.model.robot.units(name)[0], one.model.lengths[one.model.names.index(name)]
+    off, reach = one.factor * length, one.reach * length
+    return (
+        f"zero of {name} is off by {off:.3g} {unit}",
+        f"{one.size * length:.3g} ± {reach:.2g} {unit}; ",
+        f"set position_offset: {{{name}: {-off:.3g}}} in the mapping, plus one that it has",
     )
 
 
-def _time(one: _Mistaken) -> Called:
+def _time(one: Mistaken) -> Called:
     size, least, most = one.factor, "", ""
     if one.reach > KNOWN * abs(one.size):  # forces show only that inertia is missing
         size, least, most = one.size + one.reach, "at least ", " or less"
     how = f"{least}{max(size, 1 / size):.3g} times too {'long' if size > 1 else 'short'}"
     do = f"multiply its times by {1 / size:.3g}{' or more' * bool(most)}"
-    if one.rate is not None:
-        do = f"set rate: {one.rate * size:.6g} in the mapping{most}, or {do}"
-    return Called(f"the time axis is {how}", one.sized, do)
+    if (log := one.model.log) is not None:
+        rate = log.rate(max(log.parts(), key=lambda p: p.stop - p.start))
+        do = f"set rate: {rate * size:.6g} in the mapping{most}, or {do}"
+    return (f"the time axis is {how}", one.sized, do)
 
 
-def _exchanged(*what: str) -> Callable[[_Mistaken], Called]:
-    def called(one: _Mistaken) -> Called:
+def _exchanged(*what: str) -> Callable[[Mistaken], Called]:
+    def called(one: Mistaken) -> Called:
         keys = " and ".join(key[:-1] for key in what)
         title = f"the {' and '.join(what)} of {one.listed} are exchanged"
-        return Called(title, "", f"exchange their columns under {keys} in the mapping")
+        return (title, "", f"exchange their columns under {keys} in the mapping")
 
     return called
 
@@ -280,39 +291,3 @@ KINDS = {
         (*PLACES, "forces", "gain"), 2, _exchanged("positions", "forces")
     ),
 }
-
-
-def called(
-    name: str,
-    motors: Motors,
-    size: float,
-    reach: float,
-    *,
-    model: Evidence,
-    found: Explanation,
-    own: OwnGains | None = None,
-) -> Called:
-    """What a mistake of motors at a size is called, with half of its 95 % interval.
-
-    What is to be set undoes what was found before, too.
-    """
-    kind, log = KINDS[name], model.log
-    scales = {} if log is None else dict(log.force_scales)
-    for motor, gain in zip(model.names, found.undone.gain, strict=True):
-        if gain != 1:
-            scales[motor] = scales.get(motor, 1.0) / gain
-    hidden = () if own is None else np.flatnonzero((own.gains == 1) & (own.reach == inf)).tolist()
-    return kind.call(
-        _Mistaken(
-            () if not (kind.motors or kind.alone) else tuple(model.names[k] for k in motors),
-            size,
-            reach,
-            kind.cause(size, reach),
-            *model.unit(motors[0]),
-            scales,
-            None if log is None else log.rate(max(log.parts(), key=lambda p: p.stop - p.start)),
-            len(model.names) == 1,
-            own,
-            tuple(model.names[k] for k in hidden),
-        )
-    )

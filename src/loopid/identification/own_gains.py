@@ -63,7 +63,7 @@ def own_gains(model: Evidence, found: Explanation) -> OwnGains | None:
     if best.after.evidence - found.evidence < EVIDENCE:
         return None
     typical = np.median(np.abs(first / best.gains)[model.present])
-    best = best.at(best.gains * np.where(gains == 1, 1.0, typical))
+    best = best.again(best.gains * np.where(gains == 1, 1.0, typical))
     signs, count = best.without(*model.present), 0
     if signs.evidence >= best.evidence:
         return signs.found
@@ -74,7 +74,8 @@ def own_gains(model: Evidence, found: Explanation) -> OwnGains | None:
             if k in best.usual or k in best.unknown:
                 fewer = best.without(k)
                 best = fewer if fewer.evidence >= best.evidence else best
-    best = best.without(*best.right)
+    right = np.abs(np.log(np.abs(best.gains))) <= RIGHT  # known, and right but for their signs
+    best = best.without(*(k for k in best.free if k not in best.unknown and right[k]))
     return signs.found if signs.evidence > best.evidence - EVIDENCE else best.found
 
 
@@ -137,24 +138,19 @@ class _Climb:
     def signed(self) -> _Climb:
         """With signs turned as long as this raises the evidence."""
         turned = self._times(1.0 - 2.0 * np.eye(len(self.free)))
-        return self.at(self.gains).signed() if self._rises(turned) else self
-
-    def at(self, gains: FloatArray) -> _Climb:
-        """From other gains on."""
-        return self._with(gains, tuple(self.free), self.hidden, held=self.held)
+        return self.again(self.gains).signed() if self._rises(turned) else self
 
     def without(self, *motors: int) -> _Climb:
         """With the sizes of gains as they are logged; those that are known show the scale."""
-        gains, unknown = np.array(self.gains), self.unknown
+        gains = np.array(self.gains)
         gains[list(motors)] = np.sign(gains[list(motors)])
-        free = tuple(k for k in self.free if k not in motors)
+        return self.again(gains, motors)
+
+    def again(self, gains: FloatArray, motors: tuple[int, ...] = ()) -> _Climb:
+        """From other gains on, those of some motors held."""
+        unknown, free = self.unknown, tuple(k for k in self.free if k not in motors)
         hidden = *self.hidden, *(k for k in motors if k in unknown)
         held = self.held and set(motors) <= set(unknown)
-        return self._with(gains, free, hidden, held=held)
-
-    def _with(
-        self, gains: FloatArray, free: tuple[int, ...], hidden: tuple[int, ...], *, held: bool
-    ) -> _Climb:
         return _Climb(self.model, self.before, gains, free, hidden=hidden, held=held)
 
     @property
@@ -175,12 +171,6 @@ class _Climb:
         """Motors whose gains are free and may be right, but for their signs."""
         off = np.abs(np.log(np.abs(self.gains[self.free]))) - NORMAL_95 * self.deviations
         return [k for k, own in zip(self.free, (off <= RIGHT).tolist(), strict=True) if own]
-
-    @property
-    def right(self) -> list[int]:
-        """Motors whose gains are free, known and right but for their signs."""
-        near = np.abs(np.log(np.abs(self.gains))) <= RIGHT
-        return [k for k in self.free if k not in self.unknown and near[k]]
 
     @property
     def evidence(self) -> float:

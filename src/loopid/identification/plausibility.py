@@ -107,7 +107,8 @@ def _of_friction(fit: Estimates) -> Iterator[str]:
             continue
         most = float(fit.use.largest[fit.use.joints.index(joint)])
         rates = fit.use.of(joint)[1] * np.geomspace(SLOW, 1.0, RATES)
-        force, rate = _units(fit, joint)
+        turns = any(each.unit.startswith("N m") for each in fit.parameters if each.link == joint)
+        force, rate = ("N m", "rad/s") if turns else ("N", "m/s")
         for way in (1.0, -1.0):
             curve = friction_curve(fit, joint, way * rates)
             values, ends = way * curve.values, (way * curve.band).max(axis=1)
@@ -127,12 +128,6 @@ def _of_friction(fit: Estimates) -> Iterator[str]:
                     f"{rates[k]:.2g} {rate}"
                 )
                 break
-
-
-def _units(fit: Estimates, joint: str) -> tuple[str, str]:
-    """Of the force and of the rate of a joint."""
-    turns = any(each.unit.startswith("N m") for each in fit.parameters if each.link == joint)
-    return ("N m", "rad/s") if turns else ("N", "m/s")
 
 
 def _of_terms(fit: Estimates, data: FitSamples, row: int) -> Iterator[str]:

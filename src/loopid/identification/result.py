@@ -8,7 +8,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, finite
+from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError
 from loopid.files import require_ending, require_other_file, write_file
 from loopid.identification.data import recordings_of, require_some
@@ -408,11 +408,14 @@ def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
     return file.fit(Fit, file.model_of(own))
 
 
-def of_all(found: Fit, parameters: ParameterSet, columns: IntArray, others: FloatArray) -> Fit:
-    """A fit of some columns of all n parameters, the others ``assumed`` at values (n,)."""
-    names = parameters.names
-    known = {names[j] for j in columns} - {*found.assumed}
-    values, covariance = np.array(others), np.zeros((len(names), len(names)))
+def of_all(found: Fit, parameters: ParameterSet, others: FloatArray | None = None) -> Fit:
+    """A fit of some of n parameters as one of all, others ``assumed`` at values (n,) or zero."""
+    if found.parameters == parameters:
+        return found
+    names, known = parameters.names, {*found.parameters.names} - {*found.assumed}
+    columns = [parameters.labels.index(label) for label in found.parameters.labels]
+    values = np.zeros(len(names)) if others is None else np.array(others)
+    covariance = np.zeros((len(names), len(names)))
     values[columns], covariance[np.ix_(columns, columns)] = found.values, found.covariance
     freedom = np.full(len(names), found.degrees_of_freedom.min())
     freedom[columns] = found.degrees_of_freedom

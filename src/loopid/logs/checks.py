@@ -28,7 +28,6 @@ from loopid.logs.table import NANOSECONDS, QUANTITIES
 from loopid.robot.robot import Robot, link_frames, lock_options
 
 # Factors that would make a unit of another one.
-OTHER_TIMES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
 OTHER_LENGTHS = {"0.001 (mm to m)": 1e-3, "1000 (km to m)": 1e3, "1e-6 (um to m)": 1e-6}
 OTHER_ANGLES = {"pi/180 (deg to rad)": np.pi / 180, "0.001 (mrad to rad)": 1e-3}
 # Seconds between stamps, at the median: others mean another unit of the time.
@@ -149,19 +148,16 @@ def _require_usual_step(stream: Stream) -> None:
     shortest, longest = SHORTEST_STEP, LONGEST_STEP
     step = float(np.median(np.diff(stream.stamps))) / 1e9
     if not shortest <= step <= longest:
-        fitting = [factor for factor in OTHER_TIMES if shortest <= step * factor <= longest]
-        factors = " or ".join(f"{factor:g}" for factor in fitting)
-        unit = next((unit for unit, each in NANOSECONDS.items() if each / 1e9 in fitting), None)
+        units = (u for u, each in NANOSECONDS.items() if shortest <= step * each / 1e9 <= longest)
         do = "give times in s, or the rate of even rows in Hz"
-        if unit is not None:
+        if unit := next(units, None):
             do = (
                 "give the unit of the time in a mapping, as time: "
                 f"{{column: NAME, unit: {unit}}}, or in units of Log.from_arrays"
             )
         raise stream.refused(
-            f"the median step between time stamps is {step:.3g} s, but must be "
-            f"from {shortest:g} to {longest:g} s: {do}"
-            f"{f'; times {factors} it would fit' if factors else ''}"
+            f"the median step between time stamps is {step:.3g} s, but must be from {shortest:g} "
+            f"to {longest:g} s: {do}"
         )
 
 

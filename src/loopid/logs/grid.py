@@ -106,31 +106,31 @@ def make_streams(
 
     There columns that are empty in the same rows lack no sample: their other rows are even.
     """
-    cells, rows = table.cells, table.rows
-    empty = np.stack([np.isnan(numbers_in(source, cells[c.column])) for c in channels], axis=1)
+    columns = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]
+    values, stamps = np.stack(columns, axis=1), time.stamps(source, table.cells, table.rows)
+    whole, empty = Stream(source, channels, table.rows, stamps, values), np.isnan(values)
     groups: dict[bytes, list[int]] = {}
     for k, own in enumerate(empty.T):
         groups.setdefault(own.tobytes(), []).append(k)
-    firsts = [own[0] for own in groups.values()]
-    stamps = time.stamps(source, cells, rows)
-    stamped = stamps != NO_STAMP
+    stamped, firsts = stamps != NO_STAMP, [own[0] for own in groups.values()]
     if not (
         empty.any(axis=1).mean() > BAD_ROWS
         and all(_lacks_none(stamps[stamped & ~empty[:, k]]) for k in firsts)
     ):
-        return [make_stream(source, table, time, channels)]
+        return [_of_samples(whole, table, time)]
     said = (f"{channels[k].column} in {(~empty[:, k]).sum()}" for k in firsts)
     warn(
-        f"{source}: columns have samples in rows of their own, of {len(rows)} "
+        f"{source}: columns have samples in rows of their own, of {len(stamps)} "
         f"{', '.join(said)}: each is read at its own rate",
         DataWarning,
     )
     found = []
     for own in groups.values():
         filled = ~empty[:, own[0]]
-        part = table._replace(cells=cells.filter(filled), rows=rows[filled])
-        found.append(make_stream(source, part, time, tuple(channels[k] for k in own)))
-        table = Table(cells, rows)  # rows that are garbled or cut off are said once
+        parts = table.rows[filled], stamps[filled], values[filled][:, own]
+        part = Stream(source, tuple(channels[k] for k in own), *parts)
+        found.append(_of_samples(part, table, time))
+        table = Table(table.cells, table.rows)  # rows that are garbled or cut off are said once
     return found
 
 
@@ -140,30 +140,26 @@ def _lacks_none(stamps: IntArray) -> bool:
     return len(steps) >= LEAST_ROWS and bool(steps.mean() <= (1 + BAD_ROWS) * np.median(steps))
 
 
-def make_stream(
-    source: str, table: Table, time: TimeColumn, channels: tuple[Channel, ...]
-) -> Stream:
-    """Turn cells into numbers, and leave out rows that are no samples; too many are refused."""
-    columns = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]
-    values, stamps = np.stack(columns, axis=1), time.stamps(source, table.cells, table.rows)
-    lacks = np.column_stack([np.isnan(values), stamps == NO_STAMP])
+def _of_samples(stream: Stream, table: Table, time: TimeColumn) -> Stream:
+    """The stream without rows that are no samples, as of its table; too many are refused."""
+    source, rows = stream.source, stream.rows
+    lacks = np.column_stack([np.isnan(stream.values), stream.stamps == NO_STAMP])
     fine = ~lacks.any(axis=1)
-    names = np.array([*(channel.column for channel in channels), time.name or "no column"])
-    named = ", ".join(names[lacks.any(axis=0)])
+    names = np.array([*(one.column for one in stream.channels), time.name or "no column"])
     reasons = {
-        f"no number in {named}": table.rows[~fine],
+        f"no number in {', '.join(names[lacks.any(axis=0)])}": rows[~fine],
         "another number of cells than there are columns": table.garbled,
     }
-    left_out = [(reason, rows) for reason, rows in reasons.items() if len(rows)]
-    for reason, rows in left_out:
-        refuse_or_warn(source, rows, len(table.rows) + len(table.garbled), reason)
+    left_out = [(reason, bad) for reason, bad in reasons.items() if len(bad)]
+    for reason, bad in left_out:
+        refuse_or_warn(source, bad, len(rows) + len(table.garbled), reason)
     if table.cut_off is not None:
         left_out.append(("last row without an end: cut off?", np.array([table.cut_off])))
     if fine.sum() < LEAST_ROWS:
         few = counted(int(fine.sum()), "row")
         raise LogError(f"{source} has {few} of numbers: it takes at least {LEAST_ROWS}")
-    rest = table.rows[fine], stamps[fine], values[fine]
-    return with_increasing_stamps(Stream(source, channels, *rest, tuple(left_out)))
+    kept = rows[fine], stream.stamps[fine], stream.values[fine]
+    return with_increasing_stamps(Stream(source, stream.channels, *kept, tuple(left_out)))
 
 
 def stream_of(
@@ -305,11 +301,13 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
     zero = int(streams[0].stamps[0])
     # Differences of whole nanoseconds are exact, however long ago the epoch.
     times = [(stream.stamps - zero) / 1e9 for stream in streams]
-    spans = _spans(times[0])
-    for other in times[1:]:
-        spans = _overlaps(spans, _spans(other))
     step = float(np.median(np.diff(times[0])))
-    grids = [*_grids(times[0], spans, step)]
+    parts = np.stack([_parts(times[0], own) for own in times])
+    ends = np.flatnonzero((np.diff(parts, axis=1) != 0).any(axis=0)) + 1
+    inside = (parts >= 0).all(axis=0)
+    runs = [times[0][run] for run in np.split(np.arange(len(inside)), ends) if inside[run[0]]]
+    grids = [_grid(run, step) for run in runs if len(run) >= LEAST_ROWS]
+    grids = [grid for grid in grids if len(grid) >= LEAST_ROWS]
     if not grids:
         listed = ", ".join(
             f"{stream.source} from {stamps[0]:.3f} to {stamps[-1]:.3f} s"
@@ -339,38 +337,22 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
     return Aligned(time, tables, segments, tuple(dropped))
 
 
-def _grids(time: FloatArray, spans: FloatArray, step: float) -> Iterator[FloatArray]:
-    """Even times, from the first to the last stamp of each span that has enough of them.
+def _parts(time: FloatArray, stamps: FloatArray) -> IntArray:
+    """In which part without gaps of a stream times (N,) are; -1 outside of all."""
+    steps = np.diff(stamps)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps))
+    part = np.searchsorted(stamps[np.append(0, gaps + 1)], time, "right") - 1
+    return np.where(time <= stamps[np.append(gaps, len(stamps) - 1)][part], part, -1)
+
+
+def _grid(time: FloatArray, step: float) -> FloatArray:
+    """Even times from the first stamp to the last.
 
     Of an even log each is a stamp, to the bit, lest values that are held seem to change.
     """
-    for span in spans:
-        inside = time[np.searchsorted(time, span[0]) :]
-        inside = inside[: np.searchsorted(inside, span[1], "right")]
-        count = round((inside[-1] - inside[0]) / step) + 1 if len(inside) >= LEAST_ROWS else 0
-        if count >= LEAST_ROWS:
-            grid = np.linspace(inside[0], inside[-1], count)
-            whole = np.round(1e9 * grid) / 1e9  # ns, as stamps are
-            yield np.where(np.abs(grid - whole) <= ROUND_OFF * whole[-1], whole, grid)
-
-
-def _spans(time: FloatArray) -> FloatArray:
-    """First and last times (S, 2) of the parts without gaps."""
-    steps = np.diff(time)
-    gaps = np.flatnonzero(steps > GAP * np.median(steps))
-    return np.stack([time[np.append(0, gaps + 1)], time[np.append(gaps, len(time) - 1)]], axis=1)
-
-
-def _overlaps(spans: FloatArray, others: FloatArray) -> FloatArray:
-    """Where both have a span (S, 2); each ascending and disjoint."""
-    first = np.searchsorted(others[:, 1], spans[:, 0], "right")
-    last = np.searchsorted(others[:, 0], spans[:, 1])
-    found = [
-        (max(span[0], other[0]), min(span[1], other[1]))
-        for span, a, b in zip(spans, first, last, strict=True)
-        for other in others[a:b]
-    ]
-    return np.array(found).reshape(-1, 2)
+    grid = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
+    whole = np.round(1e9 * grid) / 1e9  # ns, as stamps are
+    return np.where(np.abs(grid - whole) <= ROUND_OFF * whole[-1], whole, grid)
 
 
 def _outside(time: FloatArray, grids: Sequence[FloatArray], step: float) -> Iterable[Dropped]:
@@ -390,22 +372,6 @@ def off_grid(time: FloatArray) -> float:
     return float(np.abs(time - np.linspace(time[0], time[-1], len(time))).max())
 
 
-def on_even_grid(
-    name: str, joints: tuple[str, ...], time: FloatArray, signals: dict[str, FloatArray]
-) -> Aligned:
-    """Times, signals and segments, as they are where the steps are even between gaps."""
-    steps = np.diff(time)
-    median = float(np.median(steps)) if len(steps) else 0.0
-    segments = np.cumsum(np.append(False, steps > GAP * median))
-    parts = np.split(time, np.flatnonzero(np.diff(segments)) + 1)
-    if max(map(off_grid, parts)) <= EVEN * median and (steps > 0).all():
-        return Aligned(time, signals, segments, ())
-    stream = with_increasing_stamps(stream_of(name, joints, time, signals))
-    aligned, start = align([stream], joints), float(time[0])
-    dropped = (replace(d, first=start + d.first, last=start + d.last) for d in aligned.dropped)
-    return aligned._replace(time=aligned.time + start, dropped=tuple(dropped))
-
-
 def on_even_grids(
     name: str,
     joints: tuple[str, ...],
@@ -413,7 +379,7 @@ def on_even_grids(
     signals: dict[str, FloatArray],
     segments: IntArray,
 ) -> Aligned:
-    """The same of each segment (N,) on its own, in which there may be more gaps."""
+    """Times and signals of each segment (N,), in which there may be more gaps, on an even grid."""
     ends = [0, *(np.flatnonzero(np.diff(segments)) + 1).tolist(), len(time)]
     found, short = [], list[Dropped]()
     for a, b in pairwise(ends):
@@ -421,7 +387,7 @@ def on_even_grids(
             short.append(Dropped.at("segment too short", time[a:b]))
         else:
             own = {one: signals[one][a:b] for one in signals}
-            found.append(on_even_grid(name, joints, time[a:b], own))
+            found.append(_on_even_grid(name, joints, time[a:b], own))
     if not found:
         raise LogError(f"{name}: no segment has {LEAST_ROWS} samples")
     first = np.cumsum([0, *(each.segments[-1] + 1 for each in found)])
@@ -431,6 +397,22 @@ def on_even_grids(
         np.concatenate([each.segments + k for each, k in zip(found, first, strict=False)]),
         (*short, *(one for each in found for one in each.dropped)),
     )
+
+
+def _on_even_grid(
+    name: str, joints: tuple[str, ...], time: FloatArray, signals: dict[str, FloatArray]
+) -> Aligned:
+    """The same of one segment: as they are where the steps are even between gaps."""
+    steps = np.diff(time)
+    median = float(np.median(steps))
+    segments = np.cumsum(np.append(False, steps > GAP * median))
+    parts = np.split(time, np.flatnonzero(np.diff(segments)) + 1)
+    if max(map(off_grid, parts)) <= EVEN * median and (steps > 0).all():
+        return Aligned(time, signals, segments, ())
+    stream = with_increasing_stamps(stream_of(name, joints, time, signals))
+    aligned, start = align([stream], joints), float(time[0])
+    dropped = (replace(d, first=start + d.first, last=start + d.last) for d in aligned.dropped)
+    return aligned._replace(time=aligned.time + start, dropped=tuple(dropped))
 
 
 # ---- poses --------------------------------------------------------------------------------------

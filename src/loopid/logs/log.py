@@ -33,7 +33,6 @@ from loopid.logs.grid import (
     align,
     free_values,
     make_streams,
-    on_even_grid,
     on_even_grids,
     on_joints,
     static_poses,
@@ -51,7 +50,7 @@ from loopid.logs.table import COMPONENTS, QUANTITIES, array_table
 from loopid.records import Tabular, columns_of, derived, record
 
 if TYPE_CHECKING:
-    from loopid.logs.mapping import LogMapping
+    from loopid.logs.mapping import LogMapping, WrenchColumns
 
 # Degree of the spline between samples, off by 5e-4 of a signal at a fifth of the rate; and part of
 # a step by which a delay of whole steps may be off one, and needs none.
@@ -292,11 +291,8 @@ class Log(Tabular):
             free_name(joint): free_values(joint, own, len(at))
             for joint, own in (free or {}).items()
         }
-        if segments is None:
-            aligned = on_even_grid(name, joints, at, signals)
-        else:
-            numbers = _segments(segments, len(at))
-            aligned = on_even_grids(name, joints, at, signals, numbers)
+        numbers = _segments(np.zeros(len(at), int) if segments is None else segments, len(at))
+        aligned = on_even_grids(name, joints, at, signals, numbers)
         limits = None if saturation is None else np.asarray(saturation)
         more = {"saturation": limits, "idle_speed": idle_speed, "slides": slides}
         fields = _by_field(aligned, wrenches) | more
@@ -367,14 +363,10 @@ class Log(Tabular):
         if mapping.static:
             streams = [static_poses(streams)]
         aligned = align(streams, joints)
-        wrenches = [
-            ExternalWrench(one.frame, aligned.signals[wrench_name(k)], one.axes, one.about)
-            for k, one in enumerate(mapping.wrenches)
-        ]
         log = cls(
             name=name,
             joints=joints,
-            **_by_field(aligned, wrenches),
+            **_by_field(aligned, mapping.wrenches),
             saturation=saturation,
             idle_speed=mapping.idle_speed,
             static=mapping.static,
@@ -568,11 +560,16 @@ def _unit(quantity: str, name: Any) -> Unit:
     return known or Unit("", 1.0)
 
 
-def _by_field(aligned: Aligned, wrenches: Sequence[ExternalWrench]) -> dict[str, Any]:
+def _by_field(
+    aligned: Aligned, wrenches: Sequence[ExternalWrench | WrenchColumns]
+) -> dict[str, Any]:
     """What is on the grid as fields of a log, signals of the wrenches in these."""
     found, signals = aligned._asdict(), aligned.signals
     del found["signals"]
-    placed = (replace(one, values=signals[wrench_name(k)]) for k, one in enumerate(wrenches))
+    placed = (
+        ExternalWrench(one.frame, signals[wrench_name(k)], one.axes, one.about)
+        for k, one in enumerate(wrenches)
+    )
     found |= {name: signals[name] for name in signals if name in QUANTITIES}
     found.setdefault("force", np.zeros_like(signals["position"]))  # of a commanded motion
     prefix = free_name("")

@@ -6,27 +6,19 @@ Each step is a function that can be called alone; ``prepare`` calls them one by 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations, pairwise
+from itertools import pairwise
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    checked,
-    row_blocks,
-    samples,
-    spread_rows,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_blocks, samples
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, first_of, warn
 from loopid.findings import Finding
-from loopid.kinematics.assembly import Assembly, AssemblyOptions, try_assemble
+from loopid.kinematics.assembly import Assembly, try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import difference
 from loopid.kinematics.projection import project, singularity_measure
@@ -43,9 +35,6 @@ from loopid.robot.robot import Robot
 Threshold: TypeAlias = Annotated[float, Field(ge=0, le=1)]
 LEAST_SAMPLES = 3  # what it takes to differentiate
 BLOCK = 8192  # samples assembled together: fewer repeat the coarse steps, more take memory
-# Where more of the samples do not close, exchanged columns are tried in some of them, and given
-# up where less than this part of the way between two can be gone at a time.
-MANY_OPEN, TRIED, SHORTEST_STEP = 0.01, 60, 0.1
 NO_SHARE = 1e-9  # of a motor's largest share: round-off, the motor does not act there
 # A frozen motor goes on by a multiple of its fastest way in a sample, or stops this many times as
 # fast as it ever changes its speed, while another goes through this part of its range.
@@ -151,11 +140,11 @@ def prepare(
     signals = filter_log(log, lowpass)
     rows, ends = kept_rows(log, lowpass, filter)
     logged = measured_motion(robot, log, signals)
-    measured = JointCoordinates(robot, robot.measured).read(logged.configurations[rows])
+    measured = JointCoordinates(robot, robot.measured).read(logged[0][rows])
     least = least_logged(robot) if singularity_threshold is None else singularity_threshold
     found = assemble_samples(robot, log, measured, rows, least, known=known, progress=progress)
     segments, rows = renumbered(log.segments[rows], found.good), rows[found.good]
-    for fault in misplaced_motors(robot, logged.configurations[rows], found.configurations):
+    for fault in misplaced_motors(robot, logged[0][rows], found.configurations):
         warn(f"{log.name}: {fault}", DataWarning)
     saturated = near_saturation(log, limits, lowpass)[rows]
     stuck = sticking(log, signals.velocity)
@@ -174,10 +163,9 @@ def prepare(
             "free flight",
             DataWarning,
         )
-    history, parts = None, tuple(log.parts())
+    history = None
     if lowpass is not None:
-        rates = log.joints, signals.velocity, parts, tuple(map(log.rate, parts))
-        history = RateHistory(*rates, lowpass, slow, stuck, rows, (rows, motion))
+        history = RateHistory(log, signals.velocity, lowpass, slow, stuck, rows, (rows, motion))
     recording = Recording(
         name=log.name,
         actuators=robot.independent,
@@ -411,49 +399,30 @@ def kept_rows(
     return np.concatenate(rows), ends
 
 
-def measured_motion(robot: Robot, log: Log, signals: Signals) -> FreeMotion:
-    """Motors and free joints along a log."""
-    logged, motors = free_motion(robot, log, signals.free), robot.velocity_indices(log.joints)
-    q = JointCoordinates(robot, log.joints).write(logged.configurations, signals.position)
-    logged.velocities[:, motors] = signals.velocity
-    logged.accelerations[:, motors] = signals.acceleration
-    return logged._replace(configurations=q)
+def measured_motion(
+    robot: Robot, log: Log, signals: Signals
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Motors and free joints along a log; other coordinates are zero, or as at the reference.
 
-
-# ---- joints that no motor moves ------------------------------------------------------------------
-
-
-class FreeMotion(NamedTuple):
-    """Free joints along a log; all other coordinates are zero, or as at the reference."""
-
-    configurations: FloatArray  # (N, nq)
-    velocities: FloatArray  # (N, nv)
-    accelerations: FloatArray
-
-
-def free_motion(robot: Robot, log: Log, free: Mapping[str, FloatArray]) -> FreeMotion:
-    """Joints (N, k) of a log that no motor moves, filtered, and their derivatives."""
+    Configurations (N, nq), velocities (N, nv) and accelerations.
+    """
     q = np.tile(robot.reference, (len(log), 1))
-    for name, values in free.items():
-        _write(robot, name, q, values)
-    if log.static or not free:
-        return FreeMotion(q, *np.zeros((2, len(log), robot.model.nv)))
-    steps = difference(robot, q[:-1], q[1:])
-    way = np.concatenate([np.zeros((1, robot.model.nv)), np.cumsum(steps, axis=0)])
-    v = log.by_part(differentiate, way)
-    return FreeMotion(q, v, log.by_part(differentiate, v))
-
-
-def _write(robot: Robot, name: str, q: FloatArray, values: FloatArray) -> None:
-    """Put values (N, k) of a joint into configurations (N, nq), in place."""
-    joint = robot.joint(name)
-    samples(values, 1 if joint.nv == 1 else joint.nq, name)
-    if joint.nv == 1:
-        q[:] = JointCoordinates(robot, [name]).write(q, values)
-        return
-    turns = values[:, 3:] / np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
-    own = slice(joint.idx_q, joint.idx_q + joint.nq)
-    q[:, own] = np.concatenate([values[:, :3], turns], axis=1)
+    for name, values in signals.free.items():
+        joint = robot.joint(name)
+        samples(values, 1 if joint.nv == 1 else joint.nq, name)
+        if joint.nv == 1:
+            q = JointCoordinates(robot, [name]).write(q, values)
+        else:
+            turns = values[:, 3:] / np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
+            q[:, joint.idx_q : joint.idx_q + joint.nq] = np.hstack([values[:, :3], turns])
+    v, a = np.zeros((2, len(log), robot.model.nv))
+    if signals.free and not log.static:
+        steps = difference(robot, q[:-1], q[1:])
+        v = log.by_part(differentiate, np.pad(np.cumsum(steps, axis=0), ((1, 0), (0, 0))))
+        a = log.by_part(differentiate, v)
+    motors = robot.velocity_indices(log.joints)
+    v[:, motors], a[:, motors] = signals.velocity, signals.acceleration
+    return JointCoordinates(robot, log.joints).write(q, signals.position), v, a
 
 
 # ---- assembly ----------------------------------------------------------------------------------
@@ -503,13 +472,10 @@ def assemble_samples(
             f"{log.name}: the loops do not close in {_where(time, ~good)} (they stay open by up to "
             f"{left_open:.1e} m)"
         )
-        part = 1 - float(good.mean())
-        if part > MANY_OPEN:
-            said += _with_exchanged(robot, measured)
-        if part > UNASSEMBLED:
+        if 1 - float(good.mean()) > UNASSEMBLED:
             raise AssemblyError(
                 f"{said}: is the robot on another branch than the start, or are these not its "
-                "positions?",
+                "positions, as where two columns are exchanged?",
                 tolerance=UNASSEMBLED,
             )
         warn(f"{said}: left out", DataWarning)
@@ -587,32 +553,15 @@ def _assembled(
 
 
 def motion_of(
-    robot: Robot, log: Log, logged: FreeMotion, rows: IntArray, found: Assembled
+    robot: Robot, log: Log, logged: Sequence[FloatArray], rows: IntArray, found: Assembled
 ) -> JointMotion:
     """What all joints do at rows (K,) that are assembled, with bases as measured."""
+    measured, v, a = (each[rows] for each in logged)
     q, independent = found.configurations, robot.velocity_indices(robot.independent)
     for joint in (robot.joint(name) for name in log.free if name in robot.floating):
         pose = slice(joint.idx_q, joint.idx_q + joint.nq)
-        q[:, pose] = logged.configurations[rows][:, pose]
-    v, a = logged.velocities[rows][:, independent], logged.accelerations[rows][:, independent]
-    return JointMotion(log.time[rows], q, v, a, found.singularity)
-
-
-def _with_exchanged(robot: Robot, position: FloatArray) -> str:
-    """Which two motors' positions must be exchanged for all samples to close; empty if none."""
-    position, names = position[spread_rows(len(position), TRIED)], robot.measured
-    for i, j in combinations(range(len(names)), 2):
-        order = np.arange(len(names))
-        order[[i, j]] = j, i
-        found = try_assemble(
-            robot,
-            position[:, order],
-            trajectory=True,
-            options=AssemblyOptions(shortest_step=SHORTEST_STEP),
-        )
-        if found.assembled.all():
-            return f"; all close with the positions of {names[i]} and {names[j]} exchanged"
-    return ""
+        q[:, pose] = measured[:, pose]
+    return JointMotion(log.time[rows], q, v[:, independent], a[:, independent], found.singularity)
 
 
 def _where(time: FloatArray, flags: BoolArray) -> str:

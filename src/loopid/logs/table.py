@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from decimal import Decimal
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -38,10 +39,7 @@ LARGEST_STAMP = 9 * 10**18  # ns: 1e19 would overflow, and 9e18 is the year 2255
 MOST_LISTED = 30  # columns or topics in a message
 WIDEST = 1000  # columns of a matrix: wider ones are pictures or the like
 # A time of the day, perhaps behind a date.
-CLOCK = (
-    r"^(?:(\d{4}[-/]\d\d?[-/]\d\d?)[T ])?(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?)"
-    r"(?:Z|[+-]\d\d:?\d\d)?$"
-)
+CLOCK = r"^((?:\d{4}[-/]\d\d?[-/]\d\d?[T ])?\d\d?:\d\d:\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?$"
 
 
 class Table(NamedTuple):
@@ -200,20 +198,9 @@ def _require_possible(source: str, column: polars.Series, unit: int) -> None:
 
 def _clock(text: polars.Series) -> polars.Series:
     """Times of the day in nanoseconds, from the dates before them."""
-    import polars
-
-    parts = polars.select(
-        date=text.str.extract(CLOCK, 1).str.replace_all("/", "-").str.to_date(strict=False),
-        hours=text.str.extract(CLOCK, 2).cast(polars.Int64),
-        minutes=text.str.extract(CLOCK, 3).cast(polars.Int64),
-        seconds=text.str.extract(CLOCK, 4)
-        .str.replace(",", ".")
-        .cast(polars.Decimal(38, 9))
-        .to_physical()
-        .cast(polars.Int64),
-    )
-    days = parts["date"].to_physical().cast(polars.Int64).fill_null(0)
-    return ((days * 24 + parts["hours"]) * 60 + parts["minutes"]) * (60 * 10**9) + parts["seconds"]
+    plain = text.str.extract(CLOCK).str.replace_all("/", "-").str.replace(",", ".")
+    dated = plain.str.replace(r"^\d\d?:", "1970-01-01 $0").str.replace("T", " ")
+    return dated.str.to_datetime("%F %T%.f", time_unit="ns", strict=False).to_physical()
 
 
 def _exact(cell: str | None, unit: int) -> int:
@@ -290,70 +277,51 @@ def refusals(path: Path, kind: str) -> Iterator[None]:
 # ---- formats of arrays --------------------------------------------------------------------------
 
 
-class Column(NamedTuple):
-    """A column in a file of arrays: all of one, a column of a matrix, or a field of a table."""
-
-    array: str
-    place: Any = ...  # index behind that of the rows, name of the field, or a shape that lies
-
-    def of(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The column (R,) of the array's values."""
-        return values[self.place] if isinstance(self.place, str) else values[:, self.place]
-
-
 class ArrayFormat(LogFormat):
-    """Streams of arrays by name: one (R,) is a column, a matrix ``x`` the columns x_0, x_1, ..."""
+    """Streams of arrays by name: one (R,) is a column, a matrix ``x`` the columns x_0, x_1, ...
+
+    The longer axis of a matrix is that of the samples.
+    """
 
     kind: ClassVar[str]  # for messages
 
-    @property
     @abstractmethod
-    def _streams(self) -> dict[str, dict[str, Column]]:
-        """Columns by name, for each stream that has any."""
+    def _arrays(self) -> Iterable[tuple[str, str, NDArray[Any]]]:
+        """The stream, the name and the values of each array that ``has_columns``."""
 
-    @abstractmethod
-    def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:
-        """Arrays (R,) or (R, k) by name."""
+    @cached_property
+    def _streams(self) -> dict[str, dict[str, NDArray[Any]]]:
+        streams: dict[str, dict[str, NDArray[Any]]] = {}
+        with refusals(self.path, self.kind):
+            for stream, array, values in self._arrays():
+                columns = streams.setdefault(stream, {})
+                for name, column in _columns_in(array.rpartition("/")[-1], values):
+                    if name in columns:
+                        raise self.refused(f"has column {name!r} twice, the second in {array}")
+                    columns[name] = column
+        return streams
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
-        found = {name: tuple(columns) for name, columns in self._streams.items() if columns}
-        if not found:
+        if not self._streams:
             raise self.refused("holds no arrays with one or two axes")
-        return found
+        return {name: tuple(columns) for name, columns in self._streams.items()}
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
-        places = {name: self._streams[stream][name] for name in (*times, *values)}
-        for name, shape in ((one.array, one.place) for one in places.values()):
-            if isinstance(shape, tuple):
-                raise self.refused(
-                    f"has array {name!r} of shape {shape}, which looks transposed: a row is a "
-                    f"sample, so that {shape[::-1]} is wanted"
-                )
-        with refusals(self.path, self.kind):
-            arrays = self._read(dict.fromkeys(place.array for place in places.values()))
-            columns = {name: place.of(arrays[place.array]) for name, place in places.items()}
-            return [array_table(self.path, columns)]
-
-    def collect(self, columns: dict[str, Column], array: str, places: Mapping[str, Any]) -> None:
-        """Add the columns of an array, of other names than those there."""
-        for name, place in places.items():
-            if name in columns:
-                both = f"{columns[name].array} and {array}"
-                raise self.refused(f"has column {name!r} in {both}")
-            columns[name] = Column(array, place)
+        columns = self._streams[stream]
+        return [array_table(self.path, {name: columns[name] for name in (*times, *values)})]
 
 
-def array_columns(name: str, shape: tuple[int, ...]) -> dict[str, Any]:
-    """Names and places of the columns of an array; none of one with other than one or two axes.
+def has_columns(shape: tuple[int, ...]) -> bool:
+    """Whether an array of a shape may be columns of samples: others are pictures or the like."""
+    return len(shape) == 1 or (len(shape) == 2 and min(shape) <= WIDEST)
 
-    Rows of one that is transposed have its shape for a place: it is refused where it is asked for.
-    """
-    if len(shape) == 1:
-        return {name: ...}
-    if len(shape) != 2:
-        return {}
-    if shape[1] == 1:
-        return {name: 0}
-    if shape[1] <= WIDEST:
-        return {f"{name}_{k}": k for k in range(shape[1])}
-    return {f"{name}_{k}": shape for k in range(shape[0])} if shape[0] <= WIDEST else {}
+
+def _columns_in(name: str, array: NDArray[Any]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Columns (R,) of an array by their names; those of a table are its fields of one number."""
+    if array.dtype.names:
+        yield from ((f, array[f]) for f in array.dtype.names if not array.dtype[f].shape)
+    elif array.ndim == 1 or 1 in array.shape:
+        yield name, array.ravel()
+    else:
+        columns = array.T if len(array) >= array.shape[1] else array
+        yield from ((f"{name}_{k}", column) for k, column in enumerate(columns))

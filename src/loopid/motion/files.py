@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,22 +12,12 @@ from typing import Annotated, Any, NoReturn
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from loopid.arguments import FloatArray, NotNegative, Positive, checked
+from loopid.arguments import FloatArray, Positive, checked
 from loopid.border import Section
 from loopid.errors import DataError, OptionError, RobotFileError, unknown_word
-from loopid.kinematics.sampling import SINGULARITY_THRESHOLD
 from loopid.loading.files import find_motion_file
-from loopid.motion.joints import MotionReview, joint_motion, review_motion
-from loopid.motion.trajectories import (
-    Arc,
-    FourierCurve,
-    Motion,
-    SplineCurve,
-    Waypoint,
-    point_to_point,
-)
+from loopid.motion.trajectories import Arc, FourierCurve, Motion, Waypoint, point_to_point
 from loopid.records import record
-from loopid.robot.robot import Robot
 from loopid.yaml_files import placing, read_yaml, yaml_writer
 
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
@@ -207,18 +197,7 @@ class FourierStep(Section):
             inside.refuse(str(error))
 
 
-class SplineStep(Section):
-    """A spline through poses at equal times and back, from rest to rest."""
-
-    spline: Annotated[list[Pose], Field(min_length=1)]
-    seconds: Positive
-
-    def ways(self, here: FloatArray, place: Place) -> list[Waypoint]:
-        through = [place.at("spline").pose(pose, here) for pose in self.spline]
-        return [Waypoint(here, self.seconds, curve=SplineCurve(np.array(through) - here))]
-
-
-KINDS = ("hold", "to", "repeat", "there_and_back", "fourier", "spline")
+KINDS = ("hold", "to", "repeat", "there_and_back", "fourier")
 
 
 def _kind(content: Any) -> str | None:
@@ -234,8 +213,7 @@ Step = Annotated[
     | Annotated[MoveStep, Tag("<to>")]
     | Annotated[RepeatStep, Tag("<repeat>")]
     | Annotated[ThereAndBackStep, Tag("<there_and_back>")]
-    | Annotated[FourierStep, Tag("<fourier>")]
-    | Annotated[SplineStep, Tag("<spline>")],
+    | Annotated[FourierStep, Tag("<fourier>")],
     Discriminator(
         _kind,
         custom_error_type="step",
@@ -290,10 +268,6 @@ class PlannedMotion:
     start: FloatArray  # (c,) in m or rad
     waypoints: tuple[Waypoint, ...]  # repeats and ways back are written out
 
-    def __repr__(self) -> str:
-        ways = len(self.waypoints)
-        return f"<PlannedMotion {self.name!r:.200}: {ways} waypoints, {self.seconds:g} s>"
-
     @property
     def seconds(self) -> float:
         """How long it takes."""
@@ -317,10 +291,6 @@ class MotionProgram:
     coordinates: tuple[str, ...]
     rate: float  # samples per second where none is given
     plans: tuple[PlannedMotion, ...]  # in the order of the file
-
-    def __repr__(self) -> str:
-        names = f"{', '.join(self.motions):.500}"
-        return f"<MotionProgram {self.path.name}: {names} of {', '.join(self.coordinates)}>"
 
     @property
     def motions(self) -> dict[str, PlannedMotion]:
@@ -426,22 +396,3 @@ def motion_text(
     content = {"coordinates": list(coordinates), "rate": rate, "motions": {name: motion}}
     yaml_writer().dump(content, text)
     return text.getvalue()
-
-
-@checked
-def review_program(
-    robot: Robot,
-    program: MotionProgram,
-    rate: float | None = None,
-    *,
-    singularity_threshold: NotNegative = SINGULARITY_THRESHOLD,
-    progress: Callable[[float, float], None] | None = None,
-) -> dict[str, MotionReview]:
-    """Reviews of every motion of a file by name; see ``review_motion``."""
-    reviews: dict[str, MotionReview] = {}
-    for name in program.motions:
-        motion = joint_motion(robot, program.motion(name, rate))
-        reviews[name] = review_motion(robot, motion, singularity_threshold)
-        if progress is not None:
-            progress(len(reviews), len(program.motions))
-    return reviews

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from html import escape
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, checked, chosen, finite
-from loopid.errors import DataError, OptionError
+from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, checked, chosen, shaped
+from loopid.errors import OptionError
 from loopid.kinematics.assembly import assemble
 from loopid.kinematics.measured import platform_motion
 from loopid.kinematics.projection import ClosedMotion, closed_motion, singularity_measure
 from loopid.kinematics.sampling import SINGULARITY_THRESHOLD
 from loopid.motion.trajectories import Motion
-from loopid.parameters import html_table
 from loopid.records import record
 from loopid.robot.robot import Robot, lock_options
 
@@ -42,26 +40,13 @@ class JointMotion:
     singularity: FloatArray  # (N,), see ``Projection.singularity``
 
     def __post_init__(self) -> None:
-        count = finite(self.time, "time").shape[:1]
         for name in (field.name for field in fields(self)):
-            values = finite(getattr(self, name), name)
-            axes = 1 if name in ("time", "singularity") else 2
-            if values.ndim != axes or values.shape[:1] != count:
-                shape = "(samples,)" if axes == 1 else "(samples, coordinates)"
-                raise DataError(
-                    f"{name} must have shape {shape} with the {count[0] if count else 0} samples "
-                    f"of time, not {values.shape}"
-                )
-            object.__setattr__(self, name, values)
+            values = getattr(self, name)
+            width = () if name in ("time", "singularity") else np.shape(values)[1:2] or (1,)
+            object.__setattr__(self, name, shaped(values, name, len(self.time), *width))
 
     def __len__(self) -> int:
         return len(self.time)
-
-    def __repr__(self) -> str:
-        return (
-            f"<JointMotion of {self.velocities.shape[1]} independent coordinates: {len(self)} "
-            f"samples, singularity measure from {self.singularity.min(initial=np.inf):.3g}>"
-        )
 
     def select(self, rows: BoolArray | IntArray | slice) -> JointMotion:
         """Some of the samples, by a mask (N,), by number or as a slice."""
@@ -162,14 +147,6 @@ class MotionReview:
     def __repr__(self) -> str:
         found = "; ".join(self.problems) or "nothing speaks against the motion"
         return f"<MotionReview of {len(self.ranges)} joints: {found:.500}>"
-
-    def _repr_html_(self) -> str:
-        rows = [
-            (r.joint, *(f"{x:.4f}" for x in (r.lowest, r.highest, r.lower, r.upper, r.clearance)))
-            for r in self.ranges
-        ]
-        head = ("joint", "lowest", "highest", "lower limit", "upper limit", "clearance")
-        return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
 
     @property
     def problems(self) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
 from loopid.records import Tabular, columns_of, record
 from loopid.regressors.dynamics import UNBALANCED, Dynamics
-from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
+from loopid.regressors.joint_terms import JointTerms, load_places
 from loopid.regressors.maxwell_slip import slips_at
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.robot import Robot
@@ -231,34 +231,6 @@ def scaled_bodies(robot: Robot, deviation: NotNegative, *, seed: int = 0) -> Flo
     return frozen(values * np.repeat(factors, len(KINDS)))
 
 
-@checked
-def simulate_log(
-    robot: Robot,
-    motion: Motion,
-    noise: Noise | None = None,
-    *,
-    terms: str = "none",
-    cad_error: NotNegative = 0.0,
-    seed: int = 0,
-) -> str:
-    """The log that a robot would give while it follows a motion, as CSV for ``read_log``.
-
-    Terms come with values, as ``"Fc=60,Fv=900; elbow: Ks=12"``; ``cad_error`` is the deviation of
-    ``scaled_bodies``.
-    """
-    chosen, values = JointTerms.with_values(robot, terms)
-    measured = simulate(
-        robot,
-        motion,
-        noise,
-        seed=seed,
-        standard_parameters=scaled_bodies(robot, cad_error, seed=seed),
-        joint_terms=chosen,
-        joint_values=values,
-    )
-    return measured.text
-
-
 def _motor_forces(
     robot: Robot, motion: JointMotion, terms: JointTerms | None, values: FloatArray
 ) -> FloatArray:
@@ -275,9 +247,8 @@ def _motor_forces(
         )
         if terms is not None:
             every = robot.parameters() + terms.parameters(robot)
-            places = load_places(every, robot.independent)
-            loads = K[:, :, : len(bodies)] @ bodies
-            K = with_loads(K, places, loads)
+            motor, columns = load_places(every, robot.independent)
+            K[:, motor, columns] *= np.abs(K[:, :, : len(bodies)] @ bodies)[:, motor]
         needed = K @ values
         force, left = needed[:, :driven], needed[:, driven:]
         if robot.redundant:

@@ -1,13 +1,7 @@
-"""Motions of some coordinates: sampled, periodic, from waypoint to waypoint, and smooth detours.
-
-A curve leaves a pose at rest and comes back to it at rest. It is x(t) = start + Σ_j φ_j(t) x_j with
-functions φ_j of one variable. Their values, rates and accelerations vanish at both ends, or those
-of their combination.
-"""
+"""Motions of some coordinates: sampled, periodic, from waypoint to waypoint, and smooth detours."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -90,43 +84,24 @@ def _sample_times(duration: float, rate: float) -> FloatArray:
     return np.arange(steps + 1) / rate
 
 
-class Curve(ABC):
-    """A detour of c coordinates."""
-
-    shape: FloatArray  # (m, c), what the functions are multiplied by
-
-    @staticmethod
-    @abstractmethod
-    def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
-        """``count`` functions φ_j, their rates and accelerations (3, N, count) at times (N,)."""
-
-    @abstractmethod
-    def backwards(self) -> Curve:
-        """The same curve, from its end to its start."""
-
-    def detour(self, time: FloatArray, seconds: float) -> FloatArray:
-        """Position off the start, rate and acceleration (3, N, c) at times (N,) of this many s."""
-        return self.functions(len(self.shape), time, seconds) @ self.shape
-
-    def __post_init__(self) -> None:
-        shape = finite(self.shape, "shape of a curve")
-        if shape.ndim != 2 or not shape.size:
-            raise DataError(f"the shape of a curve must be (functions, c), not {shape.shape}")
-        object.__setattr__(self, "shape", shape)
-
-
 @record(checked=True)
-class FourierCurve(Curve):
-    """Σ_h sine_h sin(h ω t) + cosine_h (cos(h ω t) - 1) with ω = 2π / T [Swevers1997]."""
+class FourierCurve:
+    """A detour of c coordinates that leaves a pose at rest and comes back at rest [Swevers1997].
+
+    Σ_h sine_h sin(h ω t) + cosine_h (cos(h ω t) - 1) with ω = 2π / T of a time T.
+    """
 
     # (2 H, c): sine_1 ... sine_H, then cosine_1 ... cosine_H. It starts and ends at rest, as
     # Σ h sine_h = 0 and Σ h² cosine_h = 0.
     shape: FloatArray
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self.shape) % 2:
+        shape = finite(self.shape, "shape of a curve")
+        if shape.ndim != 2 or not shape.size:
+            raise DataError(f"the shape of a curve must be (functions, c), not {shape.shape}")
+        if len(shape) % 2:
             raise DataError("a Fourier curve has as many sines as cosines")
+        object.__setattr__(self, "shape", shape)
         terms = self.at_rest(len(self.shape) // 2)
         off = np.abs(terms @ self.shape)
         if (off > REST * (np.abs(terms).sum(axis=0) @ np.abs(self.shape))).any():
@@ -137,6 +112,7 @@ class FourierCurve(Curve):
 
     @staticmethod
     def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
+        """``count`` sines and cosines and their derivatives, (3, N, count) at times (N,)."""
         omega = 2 * np.pi / seconds * np.arange(1, count // 2 + 1)
         sine, cosine = np.sin(np.outer(time, omega)), np.cos(np.outer(time, omega))
         position = np.concatenate([sine, cosine - 1], axis=1)
@@ -144,7 +120,12 @@ class FourierCurve(Curve):
         second = np.concatenate([-(omega**2) * sine, -(omega**2) * cosine], axis=1)
         return np.stack([position, rate, second])
 
+    def detour(self, time: FloatArray, seconds: float) -> FloatArray:
+        """Position off the start, rate and acceleration (3, N, c) at times (N,) of this many s."""
+        return self.functions(len(self.shape), time, seconds) @ self.shape
+
     def backwards(self) -> FourierCurve:
+        """The same curve, from its end to its start."""
         sines = len(self.shape) // 2
         return FourierCurve(np.concatenate([-self.shape[:sines], self.shape[sines:]]))
 
@@ -153,28 +134,6 @@ class FourierCurve(Curve):
         """Rows (2, 2 H) that a shape must be orthogonal to."""
         h, zero = np.arange(1.0, harmonics + 1), np.zeros(harmonics)
         return np.stack([np.append(h, zero), np.append(zero, h**2)])
-
-
-@record(checked=True)
-class SplineCurve(Curve):
-    """A spline of degree five through waypoints at equal times."""
-
-    # (P, c), waypoints less the start, from which it goes and to which it comes back
-    shape: FloatArray
-
-    def backwards(self) -> SplineCurve:
-        return SplineCurve(self.shape[::-1])
-
-    @staticmethod
-    def functions(count: int, time: FloatArray, seconds: float) -> FloatArray:
-        from scipy.interpolate import make_interp_spline  # slow to import
-
-        knots = np.linspace(0.0, seconds, count + 2)
-        rest = [(1, np.zeros(count)), (2, np.zeros(count))]
-        through = np.eye(count + 2)[:, 1:-1]
-        spline = make_interp_spline(knots, through, k=5, bc_type=(rest, rest))
-        at = np.clip(time, 0.0, seconds)
-        return np.stack([spline(at, nu) for nu in range(3)])
 
 
 @record(checked=True)
@@ -208,7 +167,7 @@ class Waypoint:
     seconds : float
         Time of the way there; for the same position as before, a hold.
     arcs : tuple of Arc
-    curve : Curve, optional
+    curve : FourierCurve, optional
         A detour of all coordinates, zero at both ends, that takes the same time.
 
     Examples
@@ -221,7 +180,7 @@ class Waypoint:
     position: FloatArray
     seconds: Positive
     arcs: tuple[Arc, ...] = ()
-    curve: Curve | None = None
+    curve: FourierCurve | None = None
 
     def __post_init__(self) -> None:
         position = finite(self.position, "waypoint")
@@ -360,21 +319,10 @@ class FourierSeries:
     cosine: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("offset", "sine", "cosine"):
-            object.__setattr__(self, name, finite(getattr(self, name), name))
-        expected = (len(self.names), *self.sine.shape[1:2])
-        shapes = (self.offset.shape, self.sine.shape, self.cosine.shape)
-        if shapes != (expected[:1], expected, expected) or len(expected) != 2:
-            raise DataError(
-                f"offset, sine and cosine must have shapes (c,), (c, harmonics) and (c, harmonics) "
-                f"with c = {len(self.names)}, not {shapes}"
-            )
-
-    def __repr__(self) -> str:
-        return (
-            f"<FourierSeries of {', '.join(self.names)}: {self.sine.shape[1]} harmonics of "
-            f"{self.frequency:g} Hz>"
-        )
+        harmonics = np.shape(self.sine)[1:2] or (1,)
+        for name, more in (("offset", ()), ("sine", harmonics), ("cosine", harmonics)):
+            values = shaped(getattr(self, name), name, len(self.names), *more)
+            object.__setattr__(self, name, values)
 
     @property
     def period(self) -> float:

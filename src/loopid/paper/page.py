@@ -219,7 +219,7 @@ def _tables(found: PaperReproduction, subgroups: dict[str, Any]) -> Iterator[Tab
     table_i = ((name, f"{x:g}", f"{found.geometry[name]:.6g}") for name, x in TABLE_I.items())
     yield plain_table("Table I: geometry (m, degrees)", ("", ">paper", ">model"), table_i)
     greatest = ((name, *(f"{x:.3g}" for x in v)) for name, v in found.shares.greatest.items())
-    limbs = [f">limb {k + 1}" for k in range(found.shares.gravity.shape[1])]
+    limbs = [f">limb {k + 1}" for k in range(found.shares.friction.shape[1])]
     yield plain_table("greatest forces over all nine trajectories (N)", ("", *limbs), greatest)
     yield _fifteen_table(found.simulated)
     conditions = [("paper (not named)", *(f"{CONDITION_NUMBERS[n]:g}" for n in (15, 8)))]
@@ -360,19 +360,19 @@ def _limb_chart(
 
 def share_charts(shares: ForceShares) -> tuple[Chart, Chart]:
     """Figures 2 and 3: what the simulated forces of limbs 1 and 4 are made of."""
-    parts = ("inertial", shares.inertial, "file"), ("Coriolis", shares.coriolis, "fit")
+    forces, friction = shares.parts, shares.friction
+    parts = ("inertial", forces.inertial, "file"), ("Coriolis", forces.coriolis, "fit")
     panels = tuple(
         Panel(f"limb {limb}: {name} (N)", (Mark("", shares.time, force[:, limb - 1], look),))
         for limb in LIMBS
         for name, force, look in parts
     )
-    both = ("gravity", shares.gravity, "file"), ("friction", shares.friction, "fit")
+    both = ("gravity", forces.gravity, "file"), ("friction", friction, "fit")
     caption = "Figure 2: inertial, Coriolis and centrifugal forces of limbs 1 and 4, simulated."
-    gravity, friction = (np.abs(force).max() for force in (shares.gravity, shares.friction))
     what = (
         "gravity and friction of limbs 1 and 4, simulated. In the four limbs they reach "
-        f"{gravity:.3g} and {friction:.3g} N, inertial forces "
-        f"{np.abs(shares.inertial).max():.2g} N: gravity and friction are enough as a model."
+        f"{np.abs(forces.gravity).max():.3g} and {np.abs(friction).max():.3g} N, inertial forces "
+        f"{np.abs(forces.inertial).max():.2g} N: gravity and friction are enough as a model."
     )
     return (
         Chart("figure_2", caption, "time (s)", panels, columns=2, zoom="figure 3"),

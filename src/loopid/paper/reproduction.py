@@ -174,11 +174,8 @@ def run_experiment(
 class ForceShares:
     """Figures 2 and 3: what the motors' forces are made of."""
 
-    trajectory: str  # of the series
     time: FloatArray  # (N,) in s
-    inertial: FloatArray  # (N, 4) in N, as the next three
-    coriolis: FloatArray
-    gravity: FloatArray
+    parts: ForceParts  # (N, 4) each, as friction
     friction: FloatArray
     greatest: dict[str, FloatArray]  # absolute, (4,) of each part but friction, over all nine
 
@@ -192,10 +189,8 @@ def force_shares(experiment: Experiment) -> ForceShares:
         )
         for part in ("inertial", "coriolis", "gravity")
     }
-    parts = experiment.parts[SHOWN]
-    friction = friction_forces(experiment.samples[SHOWN])
-    series = parts.inertial, parts.coriolis, parts.gravity, friction
-    return ForceShares(SHOWN, experiment.motions[SHOWN].time, *series, greatest)
+    friction, time = friction_forces(experiment.samples[SHOWN]), experiment.motions[SHOWN].time
+    return ForceShares(time, experiment.parts[SHOWN], friction, greatest)
 
 
 def simulate_stand_in(
@@ -397,15 +392,6 @@ class PaperReproduction:
     simulated: SimulatedFit  # Table IV and figure 4
     two_steps: TwoSteps  # friction first, gravity second
     actual: ActualFit  # Table V, figures 5 and 6
-
-    def __repr__(self) -> str:
-        rows, motions, rate = self.base.rows, self.experiment.motions, self.experiment.rate
-        logs = ", ".join(self.actual.sources)
-        return (
-            f"PaperReproduction: {len(rows) - rows.count(None)} of {len(rows)} rows of Table II "
-            f"found, {len(motions)} trajectories at {rate:g} Hz, Table V from "
-            f"{'a simulated stand-in' if self.actual.is_stand_in else logs}"
-        )
 
 
 @checked

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from time import perf_counter
+from timeit import repeat
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -98,7 +98,6 @@ class BaseComparison:
     """Base parameters of the 3UPS+RPU beside Table II."""
 
     robot: Robot
-    poses: int  # random closed poses that W stacks
     base: BaseParameters  # by exact search
     rows: tuple[int | None, ...]  # for each row of Table II the base parameter that equals it
     subgroups: dict[str, SearchResult]  # the paper's search, by variant
@@ -122,8 +121,7 @@ class BaseComparison:
 
 def compare_base_parameters(robot: Robot) -> BaseComparison:
     """Search in all ways, limb by limb as Φ_G has the columns, and match with Table II."""
-    observation = structural_observation(robot)
-    base = find_base(observation)
+    base = find_base(structural_observation(robot))
     problem = ChoiceProblem(base.structure)
     subgroups = {name: SubgroupSearch(variant=name).search(problem) for name in VARIANTS}
     counts = dict.fromkeys(VARIANTS, 0)
@@ -131,8 +129,7 @@ def compare_base_parameters(robot: Robot) -> BaseComparison:
         if search.found:
             rows = matching_rows(base_of_choice(base.parameters, base.structure, search), (1, -1))
             counts[name] = len(rows) - rows.count(None)
-    poses = observation.rows // len(robot.independent)
-    return BaseComparison(robot, poses, base, matching_rows(base), subgroups, counts)
+    return BaseComparison(robot, base, matching_rows(base), subgroups, counts)
 
 
 def matching_rows(base: BaseParameters, signs: Sequence[int] = (1,)) -> tuple[int | None, ...]:
@@ -211,12 +208,7 @@ def compare_symbolic(robot: Robot, seed: int = 0) -> SymbolicComparison:
 
 def _timed(call: Callable[[], FloatArray]) -> tuple[FloatArray, float]:
     """What a call gives, and the median of its times in s."""
-    times = []
-    for _ in range(TIMED_RUNS):
-        start = perf_counter()
-        found = call()
-        times.append(perf_counter() - start)
-    return found, float(np.median(times))
+    return call(), float(np.median(repeat(call, number=1, repeat=TIMED_RUNS)))
 
 
 def inertia_transfers(geometry: Geometry) -> tuple[Transfer, ...]:

@@ -8,12 +8,12 @@ library and nothing else of loopid is used, so that this can check both. The suc
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import cache
 from math import radians
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,8 +56,7 @@ def parameter_symbols() -> dict[str, sp.Symbol]:
 # Geometry: where the joints sit on the base and on the platform.
 
 
-@dataclass(frozen=True)
-class Geometry:
+class Geometry(NamedTuple):
     """Geometric parameters of one configuration (the paper's Table I), m and rad."""
 
     R1: float  # distances of the base points A_i from the fixed origin
@@ -83,14 +82,6 @@ class Geometry:
         """Symbols of the fields, in field order, as the paper writes them; shape (11,)."""
         names = "R_1 R_2 R_3 d_s beta_FD beta_FI R_m1 R_m2 R_m3 beta_MD beta_MI"
         return tuple(sp.symbols(names))
-
-    def values(self) -> tuple[float, ...]:
-        """Values of the fields, in the order of :meth:`symbols`; m and rad, shape (11,)."""
-        return astuple(self)
-
-    def substitutions(self) -> dict[sp.Symbol, float]:
-        """Value of every symbol, for ``subs``; m and rad."""
-        return dict(zip(self.symbols(), self.values(), strict=True))
 
 
 def read_geometry(path: str | PathLike[str], robot: str, configuration: int) -> Geometry:
@@ -237,7 +228,7 @@ class BaseParameterRow:
 
     def coefficients(self, geometry: Geometry) -> dict[str, float]:
         """Coefficients by column label; what a geometry cancels stays, as zero or round-off."""
-        numeric = self.expression.subs(geometry.substitutions())
+        numeric = self.expression.subs(dict(zip(geometry.symbols(), geometry, strict=True)))
         return {
             label: float(numeric.coeff(symbol))
             for label, symbol in parameter_symbols().items()
@@ -348,7 +339,7 @@ def _evaluator(name: str) -> Callable[[Geometry, FloatArray], FloatArray]:
 
     def evaluate(geometry: Geometry, poses: FloatArray) -> FloatArray:
         with np.errstate(divide="ignore", invalid="ignore"):
-            entries = compiled(*poses.T, *geometry.values())
+            entries = compiled(*poses.T, *geometry)
         columns = [np.broadcast_to(entry, len(poses)) for entry in entries]
         return np.stack(columns, axis=-1).reshape(len(poses), *matrix.shape)
 
