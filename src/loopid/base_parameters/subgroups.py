@@ -154,7 +154,7 @@ class SubgroupSearch(SearchStrategy):
     def _judge(self, V22: FloatArray) -> tuple[FloatArray, BoolArray, IntArray]:
         """Condition numbers of choices (c, d, d), who has full rank, and the order, worst last."""
         values = np.linalg.svd(V22, compute_uv=False)
-        conditions = largest_over_least(values)
+        conditions = largest_over_least(np.asarray(values))
         if self.variant == "pseudocode":
             # The numerical rank of MATLAB and NumPy.
             full_rank = values[:, -1] > V22.shape[1] * np.finfo(float).eps * values[:, 0]
