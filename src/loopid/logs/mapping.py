@@ -299,8 +299,9 @@ class LogMapping(Section):
             raise OptionError("forces of the logs are in different units: one mapping cannot hold")
         content, joints = self.model_dump(exclude_defaults=True, exclude_none=True), [*scales[0]]
         values = {"force_scale": [*scales[0].values()]}
-        for key in (key for key in ("force_offset", "saturation") if key in content):
-            values[key] = self.by_joint("the mapping", key, joints)
+        for more in ("force_offset", "saturation"):
+            if more in content:
+                values[more] = self.by_joint("the mapping", more, joints)
         for key, own in values.items():  # to digits that a gain is known to, and more
             pairs = zip(joints, own, strict=True)
             content[key] = {j: float(f"{gains.get(j, 1.0) * value:.6g}") for j, value in pairs}
