@@ -106,10 +106,7 @@ BOUNDS = {
 
 @checked
 def choose_cutoff(
-    force_model: ForceModel,
-    recordings: Sequence[Recording],
-    *,
-    n_jobs: int = 1,
+    force_model: ForceModel, recordings: Sequence[Recording], *, n_jobs: int = 1
 ) -> CutoffChoice | None:
     """Choose the cut-off around which estimates change least.
 

@@ -112,10 +112,7 @@ class Evidence:
     """The samples of a log, and what explains them."""
 
     def __init__(
-        self,
-        robot: Robot,
-        recordings: Sequence[Recording],
-        joint_terms: JointTerms | None,
+        self, robot: Robot, recordings: Sequence[Recording], joint_terms: JointTerms | None
     ) -> None:
         self.robot, self.joint_terms = robot, joint_terms
         self.names, d = recordings[0].actuators, len(recordings[0].actuators)
