@@ -3,7 +3,6 @@
 import ctypes
 import shutil
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ import pytest
 import loopid
 from compiled_c import CompiledRobot
 from loopid import JointTerms
-from loopid.control import ControlLoop
 from loopid.errors import OptionError
 from loopid.export import c_source
 from loopid.export.robot_file import updated_robot_file
@@ -193,31 +191,6 @@ def test_c_code_has_it_along_its_way(robot, tmp_path):
     assert compiled.call("assemble", u[80]) == 0
     again = compiled.regressor(motion.velocities[80], motion.accelerations[80]) @ values
     np.testing.assert_allclose(again, expected[80], atol=1e-9)
-
-
-@pytest.mark.validate
-def test_a_simulated_controller_meets_it(robot):
-    """A force below friction moves a motor by what its springs give; then it comes back."""
-    model = loopid.force_model(robot, "full", TERMS)
-    values = np.array(model.prior)
-    labels = model.parameters.labels
-    for joint in robot.actuated:
-        for kind, value in {"Fc": 1.0, "Fv": 10.0, "Fh@0.02": 0.6, "Fh@0.002": 0.4}.items():
-            values[labels.index(f"{joint}.{kind}")] = value
-    own = loopid.Dynamics(model, values)
-    push = [np.zeros(2)]
-    law = SimpleNamespace(force=lambda signals, wanted: own.gravity(signals.position) + push[0])
-    loop = ControlLoop(loopid.Dynamics(model, values), law)
-    home, still = loop.position, np.zeros((110, 2))
-    way = {}
-    for size in (0.3, 0.0, 0.6, 0.0):
-        push[0] = np.full(2, size)
-        loop.run(still, still, still)
-        way[size] = loop.position - home
-    k = 0.6 / 0.02, 0.4 / 0.002
-    np.testing.assert_allclose(way[0.3], 0.3 / sum(k), rtol=0.05)
-    np.testing.assert_allclose(way[0.6], 0.2 / k[0], rtol=0.05)  # the short one slips at 0.4
-    assert (np.abs(way[0.0]) < 0.8 * way[0.6]).all()
 
 
 def test_a_urdf_says_that_it_is_left_out(robot):

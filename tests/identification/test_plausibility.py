@@ -206,6 +206,5 @@ def test_a_force_that_its_own_data_explain_is_known_from_too_few(found):
     for said, errors in cases.items():
         other = replace(found)
         object.__setattr__(other, "unseen", errors)
-        wrong = _unexplained(other)
-        assert wrong is not None
+        (wrong,) = _unexplained(other)
         assert wrong.title.endswith(said)

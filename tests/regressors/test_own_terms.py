@@ -11,6 +11,7 @@ from loopid import JointTerms, load_fit, read_log
 from loopid.errors import DataError, LoopidError, OptionError
 from loopid.identification.fitting import quiet_fit
 from loopid.regressors import JOINT_TERMS, JointTerm
+from loopid.regressors.joint_laws import joint_term
 from made_runs import modelled, wander
 
 LOG = Path(__file__).parents[2] / "urdf" / "logs" / "five_bar.csv"
@@ -24,7 +25,7 @@ def register():
     yield JOINT_TERMS.register
     JOINT_TERMS._entries.clear()
     JOINT_TERMS._entries.update(known)
-    JOINT_TERMS.found.clear()
+    joint_term.cache_clear()
 
 
 def gas(joint, _):
@@ -102,7 +103,8 @@ def test_a_spring_with_its_geometry_is_found_and_saved(register, load_once, tmp_
     np.testing.assert_allclose(found.values, truth, rtol=1e-6, atol=1e-7)
     path = loopid.Fit.of(model, found).save(tmp_path / "fit.yaml")
     assert load_fit(path, robot=robot).parameters == model.parameters
-    del JOINT_TERMS._entries["Gas"], JOINT_TERMS.found["Gas"]
+    del JOINT_TERMS._entries["Gas"]
+    joint_term.cache_clear()
     with pytest.raises(LoopidError, match="Gas"):
         load_fit(path)
 

@@ -6,8 +6,8 @@ Forces of a controller stay for an interval. In steps of it the robot moves by
 
 implicit in the friction, which may hold. So u̇⁺ is where ½ xᵀA x - bᵀx + h Fcᵀ|x| is least
 [Moreau1988]. Here A = M + h Fv and b = M u̇ + h (τ + τ_ext - C u̇ - g). So large friction at small
-velocities, where the sequel's robot lives, needs no small steps. Elements of Maxwell slip are a
-part of Fc. They are springs with the force c z. Those that do not slip add h² c / x to A.
+velocities, where the sequel's robot lives, needs no small steps. Friction that builds up after a
+reversal is that of steady motion.
 """
 
 from __future__ import annotations
@@ -26,13 +26,12 @@ from loopid.parameters import KINDS, Parameter
 from loopid.records import record
 from loopid.regressors.dynamics import Dynamics
 from loopid.regressors.joint_laws import JointState, joint_term
-from loopid.regressors.maxwell_slip import slipped
 from loopid.robot.robot import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
 # What friction may follow that is simulated, and the kind that never holds a joint.
 FOLLOWED, SMOOTH = {"rate", "sign", "slip", "torque"}, "Fc~"
-VISCOUS, SLIPPING = "Fv", "Fh@"  # the latter has no friction in steady motion
+VISCOUS = "Fv"
 
 
 @record(kw_only=True, checked=True)
@@ -168,8 +167,7 @@ class ControlLoop:
         self.signals = Signals(self.position, self.velocity, self.external)
         self._acting, self._waiting = np.zeros(robot.dof), list[FloatArray]()
         self._inertia, self._bias, self._age = np.zeros(0), np.zeros(0), np.inf
-        self._load, self._springs = np.zeros(robot.dof), _Springs(robot)
-        self._dry = DryFriction(robot)
+        self._load, self._dry = np.zeros(robot.dof), DryFriction(robot)
         self._bodies = [each.kind in KINDS for each in robot.parameters]
 
     def load(self, link: str, body: FloatArray) -> None:
@@ -244,40 +242,9 @@ class ControlLoop:
         push = h * (force + self.external - self._bias)
         for _ in range(steps):
             dry, uneven = self._dry.at(self.velocity, self._load)
-            dry = np.maximum(dry - self._springs.largest, 0.0)
-            held, stiffness = self._springs.act(self.velocity)
-            b = self._inertia @ self.velocity + push - h * (uneven + held)
-            stiff = A + h**2 * np.diag(stiffness)
-            self.velocity = _slowed(stiff, b, h * dry, self.velocity)
+            b = self._inertia @ self.velocity + push - h * uneven
+            self.velocity = _slowed(A, b, h * dry, self.velocity)
             self.position = self.position + h * self.velocity
-            self._springs.slide(h * self.velocity)
-
-
-class _Springs:
-    """Elements of Maxwell slip of the motors: springs that slip, a part of their friction."""
-
-    def __init__(self, robot: Dynamics) -> None:
-        places = [(j, p) for j, p in enumerate(robot.parameters) if p.kind.startswith(SLIPPING)]
-        columns, own = [j for j, _ in places], [each for _, each in places]
-        names = robot.robot.independent
-        self._joints = np.array([names.index(each.link) for each in own], dtype=np.int64)
-        self._displacements = np.array([joint_term(each.kind).at for each in own])
-        self._forces, self._states = robot.values[columns], np.zeros(len(own))
-        self._dof = robot.dof
-        self.largest = self._sums(self._forces)  # (dof,)
-
-    def act(self, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Forces (dof,) that they hold, and stiffnesses (dof,) of those that do not slip."""
-        ahead = self._states * np.sign(velocity[self._joints])
-        stiffness = np.where(ahead < 1.0, self._forces / self._displacements, 0.0)
-        return self._sums(self._forces * self._states), self._sums(stiffness)
-
-    def slide(self, way: FloatArray) -> None:
-        """Go on by ways (dof,) of the motors."""
-        self._states = slipped(self._states, way[self._joints] / self._displacements)
-
-    def _sums(self, numbers: FloatArray) -> FloatArray:
-        return np.bincount(self._joints, numbers, self._dof).astype(np.float64)
 
 
 class DryFriction:
@@ -286,7 +253,7 @@ class DryFriction:
     def __init__(self, robot: Dynamics) -> None:
         names, kinds = robot.robot.independent, dict[str, list[tuple[int, float]]]()
         for each, value in zip(robot.parameters, robot.values.tolist(), strict=True):
-            if _frictional(each) and not (each.kind == VISCOUS or each.kind.startswith(SLIPPING)):
+            if _frictional(each) and each.kind != VISCOUS:
                 kinds.setdefault(each.kind, []).append((names.index(each.link), value))
         # Laws, rows of the motors that have them, and coefficients.
         self._laws = [

@@ -45,8 +45,6 @@ DURATIONS, SIZES = {"gravity": 20.0, "full": 10.0}, {"fourier": 6}
 POSES = 128
 # Part of the largest force of a motor, below which another's is round-off.
 NO_FORCE = 1e-6
-# Bounds that a warning names.
-NAMED_BOUNDS = 3
 # Relative singular values of an observation that count as zero, and the part of a parameter that
 # may lie there.
 UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4
@@ -204,7 +202,7 @@ def design_motion(
     Warns
     -----
     DataWarning
-        Naming what the motion does not excite, and the bounds that it uses most.
+        Naming what the motion does not excite.
 
     Notes
     -----
@@ -263,7 +261,7 @@ def design_motion(
         else:
             before = _run(problem, found.start).standard_errors
     start, waypoints = problem.shape.waypoints(found.X)
-    _warn_of_unexcited(problem, unknown.parameters, run.standard_errors, found.checks)
+    _warn_of_unexcited(problem, unknown.parameters, run.standard_errors)
     return ExcitationDesign(
         force_model=model,
         parameters=unknown.parameters,
@@ -334,21 +332,16 @@ def _with_threshold(limits: MotionLimits, model: ForceModel, poses: FloatArray) 
     return replace(limits, singularity_threshold=least)
 
 
-def _warn_of_unexcited(
-    problem: Problem, unknown: ParameterSet, errors: FloatArray, checks: Sequence[Check]
-) -> None:
-    """Name what was required and no motion was found for, and the bounds that are in the way."""
+def _warn_of_unexcited(problem: Problem, unknown: ParameterSet, errors: FloatArray) -> None:
+    """Name what was required and no motion was found for."""
     missing = ~np.isfinite(errors)
     if isinstance(problem.criterion, OfCombinations):
         missing &= np.any(problem.criterion.rows, axis=0)
     labels = [unknown.labels[j] for j in np.flatnonzero(missing)]
     if labels:
-        near = sorted(checks, key=lambda check: -check.used)[:NAMED_BOUNDS]
-        bounds = ", ".join(f"{check.name} ({check.used:.0%})" for check in near)
         warn(
-            f"the motion of {problem.robot.name} does not excite "
-            f"{shortened(labels)}: the bounds that it uses most are {bounds}; widen them, or lock "
-            "what cannot move",
+            f"the motion of {problem.robot.name} does not excite {shortened(labels)}: widen its "
+            "limits, which the report lists, or lock what cannot move",
             DataWarning,
         )
 

@@ -77,16 +77,6 @@ class Check:
     time: float  # when it is nearest to an end, in s
     violations: int  # samples at which the bound is broken
 
-    @property
-    def used(self) -> float:
-        """Part of the way from the middle of the range to its nearer end, or of its only end."""
-        if np.isfinite([self.lower, self.upper]).all():
-            middle, half = (self.lower + self.upper) / 2, (self.upper - self.lower) / 2
-            return max(self.highest - middle, middle - self.lowest) / half
-        if np.isfinite(self.lower):
-            return self.lower / self.lowest if self.lowest > 0 else np.inf
-        return self.highest / self.upper
-
 
 def check_motion(problem: Problem, X: FloatArray) -> tuple[Check, ...]:
     """Check variables X (m, c) of a motion; empty where it leaves the assembly mode."""

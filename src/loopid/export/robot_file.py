@@ -21,9 +21,7 @@ from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, FileError, ModelWarning, OptionError, RobotFileError, warn
 from loopid.files import write_files
 from loopid.identification.friction_curves import nearest_line
-from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.quality import MotorUse
-from loopid.identification.result import Fit
 from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
 from loopid.loading.closure import with_more
 from loopid.loading.files import YAML, RobotFiles, files_of
@@ -39,8 +37,6 @@ AGREEMENT = 1e-9
 SAME = 1e-13
 # Relative difference of a joint term, in the new file and as it was meant: degrees are round-off.
 READ_BACK = 1e-12
-# Radians, or lengths of the robot, away from which no spring rests: its force is a constant one.
-FAR = 1e3
 # Options of ``load`` that a YAML keeps, and those that only a call has.
 KEPT, ASKED = ("rounding", "floating_base"), ("lock", "free_mimics")
 # What is not written where the other half of its force has no place: by kind, the other halves.
@@ -60,20 +56,16 @@ def updated_robot_file(
 ) -> bytes:
     """The file of the robot's tree with its inertials and joint terms updated in place.
 
-    ``standard_parameters`` (n,) are of ``robot.parameters("full")``, or of a gravity model. Then
-    masses and centres of mass change, and inertias about the centres of mass stay. Joint terms are
-    written where ``parameters`` name some. Viscous and Coulomb friction have a place in every
-    format, drive inertias and springs in an MJCF. In a URDF these are updated where it has tags for
-    them. A friction curve and load friction become the nearest of these (``fit.use``). They are
-    nearest over the rates of the log, at its mean load. What the new file does not have as the
-    parameters say is warned of, and how near its friction is to the curve; ``name`` is what
-    warnings call the file. A link that would not be physically consistent is refused, and
-    parameters or a file that are not those of the robot.
+    ``standard_parameters`` (n,) are those of ``parameters``, by default all of bodies. By a gravity
+    model, inertias about the centres of mass stay. What the new file does not have as the
+    parameters say is warned of, and how near its friction is to a curve (docs/exports.md); ``name``
+    is what warnings call the file. A link that would not be physically consistent is refused, and a
+    file that is not that of the robot.
     """
     files = files_of(robot)
     _require_editable(files.tree)
     file = editable_files[files.tree.suffix](files.tree)
-    rows = _body_parameters(robot, standard_parameters, parameters)
+    rows = body_parameters(robot, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
     links = {link: inertial.P for link, inertial in file.inertials.items()}
     for body, row in zip(robot.bodies, rows, strict=True):
@@ -83,7 +75,7 @@ def updated_robot_file(
         return content
     meant, nearest = straightened(joint_terms(parameters, standard_parameters), use)
     # Inertials come first: MuJoCo may derive damping from masses.
-    wanted, there = _writable(robot, meant), _on_coordinates(robot, file.joint_terms(content))
+    wanted, there = _writable(meant), _on_coordinates(robot, file.joint_terms(content))
     if changed := {j: terms for j, terms in wanted.items() if list(_apart({j: terms}, there))}:
         content = file.edited(new, changed)
         there = _on_coordinates(robot, file.joint_terms(content))
@@ -167,22 +159,6 @@ def _given_in_python(robot: Robot, files: RobotFiles, tree: str) -> str:
     return yaml_text(given.model_dump(mode="json", exclude_defaults=True))
 
 
-def robot_file_of(
-    fit: Fit, path: str | Path, *, overwrite: bool = False, anyway: bool = False
-) -> Path:
-    """Write the robot file of a fit; see ``Fit.to_robot_file``."""
-    require_fit_for_use(fit, anyway)
-    model = fit.require_model()
-    return export_robot_file(
-        model.robot,
-        fit.require_bodies(),
-        path,
-        overwrite=overwrite,
-        parameters=model.base.parameters,
-        use=fit.use,
-    )
-
-
 def _updated_links(
     robot: Robot, body: Body, links: Mapping[str, FloatArray], row: FloatArray
 ) -> dict[str, FloatArray]:
@@ -221,7 +197,7 @@ def _updated_links(
     return changed
 
 
-def _body_parameters(
+def body_parameters(
     robot: Robot, standard_parameters: FloatArray, parameters: ParameterSet | None
 ) -> FloatArray:
     """Parameters (bodies, 10), or (bodies, 4) of a gravity model, those of tied links repeated."""
@@ -261,32 +237,20 @@ def straightened(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
     return found, said
 
 
-def _writable(robot: Robot, meant: Terms) -> Terms:
+def _writable(meant: Terms) -> Terms:
     """What is tried to be written: no half of a force, no negative friction, inertia or stiffness.
 
     Simulators take numbers as they are written. With negative friction they would gain energy. A
-    negative stiffness would push away from the rest of a spring, and one next to zero, an estimate
-    of none, would rest out of reach.
+    negative stiffness would push away from the rest of a spring.
     """
     return {
         joint: {
-            kind: 0.0 if _is_none(robot, joint, terms, kind) else value
+            kind: max(value, 0.0) if _never_negative(kind) else value
             for kind, value in terms.items()
             if not any(other.startswith(HALVES.get(kind, ())) for other in terms)
         }
         for joint, terms in meant.items()
     }
-
-
-def _is_none(robot: Robot, joint: str, terms: Mapping[str, float], kind: str) -> bool:
-    """Whether a value stands for none: a negative one, or a stiffness next to zero."""
-    if terms[kind] < 0 and _never_negative(kind):
-        return True
-    if kind != "Ks":
-        return False
-    stiffness, force = terms["Ks"], terms.get("Fo", 0.0)
-    unit = robot.length if robot.slides(joint) else 1.0
-    return 0 < stiffness * FAR * unit < abs(force)
 
 
 def _never_negative(kind: str) -> bool:
@@ -323,9 +287,6 @@ def _others(robot: Robot, meant: Terms, there: Known) -> Iterator[str]:
             what = f"joint_terms of {files.named.name} overrule"
         elif value < 0 and _never_negative(kind) and read.get(joint, {}).get(kind, 0.0) == 0:
             what, label = "zero stands for the negative", f"{label} = {value:.3g}"
-        elif kind == "Ks" and _is_none(robot, joint, meant[joint], kind):
-            what = f"zero stands, as the spring would rest over {FAR:g} rad or lengths away, for"
-            label = f"{label} = {value:.3g}"
         else:
             what = "in the fit, but without a place in the file (a YAML's joint_terms has one), are"
         said.setdefault(what, []).append(label)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
+import polars
 
 from loopid.errors import optional
 from loopid.logs.table import LogFormat, Table, common_length, refusals, stream_name
-
-if TYPE_CHECKING:
-    import polars
 
 
 class TableFormat(LogFormat):
@@ -47,8 +45,6 @@ class ParquetFormat(TableFormat):
     kind = "Parquet file"
 
     def _frame(self) -> polars.LazyFrame:
-        import polars
-
         # Names of files may hold what else would stand for several files.
         return polars.scan_parquet(self.path, glob=False, hive_partitioning=False)
 
@@ -60,8 +56,6 @@ class JsonLinesFormat(TableFormat):
     kind = "table of JSON lines"
 
     def _frame(self) -> polars.LazyFrame:
-        import polars
-
         frame = polars.read_ndjson(self.path, infer_schema_length=None)
         columns = [part for column in frame.get_columns() for part in _parts(column)]
         return polars.DataFrame(columns).lazy()
@@ -74,8 +68,6 @@ class ExcelFormat(TableFormat):
     kind = "workbook of Excel"
 
     def _frame(self) -> polars.LazyFrame:
-        import polars
-
         with optional("fastexcel", "logs"):
             import fastexcel  # noqa: F401 - Polars asks for it
         return polars.read_excel(self.path).lazy()
@@ -83,8 +75,6 @@ class ExcelFormat(TableFormat):
 
 def _parts(column: polars.Series) -> Iterator[polars.Series]:
     """A column, or those of its lists or objects."""
-    import polars
-
     if isinstance(column.dtype, polars.Struct):
         for part in column.struct.unnest().get_columns():
             yield from _parts(part.alias(f"{column.name}.{part.name}"))

@@ -10,9 +10,10 @@ from functools import cached_property
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+import polars
 
 from loopid.arguments import number
 from loopid.errors import LogError, shown
@@ -28,9 +29,6 @@ from loopid.logs.table import (
     floats,
     stream_name,
 )
-
-if TYPE_CHECKING:  # slow to import, and only needed to read a log
-    import polars
 
 ENDINGS = (".csv", ".txt", ".tsv")
 LEAST_LINES = 4  # that decide how a text is written, where they are long
@@ -85,8 +83,6 @@ class TextFormat(LogFormat):
 
 def _read_table(path: Path, times: Sequence[str], values: Sequence[str]) -> Table:
     """Times as text, and numbers; Polars' reader of CSV would number no rows, and fill or cut."""
-    import polars
-
     header, read, cut_off = read_header(path), 0, None
     width = len(header.names)
     tables, rows, garbled = [], [], []
@@ -128,8 +124,6 @@ def _decoded(data: bytes) -> str:
 
 def _split(lines: polars.Series, separator: str | None, *, quoted: bool) -> polars.Series:
     """Cells of lines, with decimal points; what is between quotes is in one cell."""
-    import polars
-
     if not quoted:
         if separator != ",":
             lines = lines.str.replace_all(",", ".", literal=True)
@@ -205,19 +199,14 @@ def read_header(path: Path) -> Header:
     spare = bool(ends) and all(ends)
     found = [_names(line, separator, width, spare) for line in above]
     # A title may be filled up with empty cells; what stands below the names may be their units.
-    said = {
-        k: 0 if _are_units(_units(names)) else _said(names)
-        for k, names in enumerate(found)
-        if names
-    }
-    if said:
-        named = max(said, key=said.__getitem__)
+    said = [0 if _are_units(names) else _said(names) for names in found]
+    if any(found):
+        named = max((k for k in range(len(found)) if found[k]), key=said.__getitem__)
         names, last = found[named], above[named].row
-        below = above[named + 1].cells(separator) if named + 1 < len(above) else []
-        units = _units(below)
+        units = above[named + 1].cells(separator) if named + 1 < len(above) else []
         if len(units) == len(names) and _are_units(units):
             last = above[named + 1].row
-            pairs = zip(names, units, strict=True)
+            pairs = zip(names, map(_unit, units), strict=True)
             names = [name if unit in NO_UNITS else f"{name} [{unit}]" for name, unit in pairs]
         return _header(path, names, separator, last)
     garbled = [line for line in above if any(map(_is_number, filter(None, line.cells(separator))))]
@@ -259,13 +248,13 @@ def _said(cells: Iterable[str]) -> int:
     return sum(not _is_number(cell) for cell in cells)
 
 
-def _units(cells: Iterable[str]) -> list[str]:
-    return [cell.strip(AROUND_UNITS) for cell in cells]
+def _unit(cell: str) -> str:
+    return cell.strip(AROUND_UNITS)
 
 
-def _are_units(cells: Sequence[str]) -> bool:
+def _are_units(cells: Iterable[str]) -> bool:
     """Whether cells of a line below the header are units, some perhaps unknown."""
-    named = [cell for cell in cells if cell not in NO_UNITS]
+    named = [cell for cell in map(_unit, cells) if cell not in NO_UNITS]
     return bool(named) and 2 * sum(map(is_unit, named)) > len(named)
 
 

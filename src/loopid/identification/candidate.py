@@ -9,7 +9,7 @@ from loopid.identification.correlation import means_of_series
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import Quality
 from loopid.identification.result import Fit
-from loopid.numbers import FIT_ROUND_OFF, root
+from loopid.numbers import FIT_ROUND_OFF
 from loopid.records import record
 
 # Segments of time whose errors count as independent of each other: few, hence long, as errors
@@ -76,21 +76,6 @@ class Candidate:
         if float(np.nanmax(self.motor_ratios, initial=0.0)) > MUCH_WORSE**2:
             return ratio > 1.0 + NO_DIFFERENCE
         return ratio > max(1.0 + 2 * error, WORSE**2)
-
-    @property
-    def verdict(self) -> str:
-        """How much better or worse than the baseline: one sentence."""
-        verdict = "not clearly better than"
-        if self.beats_baseline or self.loses_to_baseline:
-            verdict = "better than" if self.beats_baseline else "worse than"
-        ratio, error = root(*self.error_ratio)
-        worst = np.sqrt(np.nanmax(self.motor_ratios, initial=0.0))
-        name = self.name if self.name.endswith("parameters") else f"{self.name} parameters"
-        return (
-            f"With {name} errors on new data are {ratio:.2f} ± {error:.2f} times those of the "
-            f"robot file with fitted joint terms (geometric mean over the motors, "
-            f"{worst:.2f} for the worst): {verdict} them."
-        )
 
 
 @checked

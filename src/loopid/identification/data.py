@@ -55,28 +55,20 @@ def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[R
 
 def _named_apart(data: Sequence[Sequence[Recording]]) -> list[tuple[Recording, ...]]:
     """The recordings, by names that tell their logs apart."""
-    logs, names = list[tuple[str, list[Recording]]](), set[str]()
-    for run in chain(*data):
-        parts = next((parts for _, parts in logs if _are_of_one_log(run, parts)), None)
-        if parts is not None:
-            parts.append(run)
-            continue
-        more = (f"{run.name} {k}" for k in count(2))
-        name = next(name for name in chain([run.name], more) if name not in names)
-        names.add(name)
-        logs.append((name, [run]))
-    own = {id(run): name for name, parts in logs for run in parts}
-    renamed = {
-        id(log): replace(log, name=name)
-        for name, (first, *_) in logs
-        if (log := first.log) is not None and name != first.name
-    }
+    logs = list[tuple[str, Log | None, list[Recording]]]()
 
     def named(run: Recording) -> Recording:
-        name = own[id(run)]
-        if name == run.name:
-            return run
-        return replace(run, name=name, log=None if run.log is None else renamed[id(run.log)])
+        known = next((each for each in logs if _are_of_one_log(run, each[2])), None)
+        if known is None:
+            more, taken = (f"{run.name} {k}" for k in count(2)), [name for name, *_ in logs]
+            name = next(name for name in chain([run.name], more) if name not in taken)
+            log = run.log
+            if log is not None and name != run.name:
+                log = replace(log, name=name)
+            logs.append(known := (name, log, []))
+        name, log, parts = known
+        parts.append(run)
+        return run if name == run.name else replace(run, name=name, log=log)
 
     return [tuple(map(named, each)) for each in data]
 

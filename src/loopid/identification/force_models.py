@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -26,13 +25,7 @@ from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.progress import Progress
 from loopid.records import read_only, record
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
-from loopid.regressors.joint_terms import (
-    JointTerms,
-    joint_state,
-    load_places,
-    warn_of_omitted,
-    with_loads,
-)
+from loopid.regressors.joint_terms import JointTerms, joint_state, load_places, warn_of_omitted
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.regressors.structural import structural_observation
@@ -204,9 +197,12 @@ class ForceModel:
 
     def loaded(self, regressor: FloatArray) -> FloatArray:
         """A regressor (N, dof, n) per unit of load, with the loads of the motors."""
-        if not len(self.load_columns[1]):
+        rows, columns = self.load_columns
+        if not len(columns):
             return regressor
-        return with_loads(regressor, self.load_columns, self.loads(regressor))
+        found = np.array(regressor)
+        found[:, rows, columns] *= np.abs(self.loads(regressor))[:, rows]
+        return found
 
     def with_loads(self, values: FloatArray, standard: FloatArray | None = None) -> ForceModel:
         """The same model with gears that carry the bodies of values (n,).
@@ -298,14 +294,9 @@ class ForceModel:
         )
 
     def with_terms(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
-        """The same model with other joint terms.
+        """The same model with other joint terms, by joints.
 
         Base parameters stay the same where they can; otherwise they are searched for.
-
-        Parameters
-        ----------
-        kinds : mapping
-            Of each joint, as of ``JointTerms``.
         """
         terms = JointTerms.of_kinds(kinds, self.joint_terms)
         kept = KeptChoice(dependent=self.base.parameters.select(self.base.dependent).labels)
@@ -463,18 +454,18 @@ class ForceModel:
         assert history is not None
         needed = {need for j in columns for need in self._needs(j)}
 
-        def of_joint(what: str) -> Any:
-            def field_of(motion: ClosedMotion) -> FloatArray:
-                if what == "load":
-                    return terms.loads(self.robot, motion)[0][joint]
-                return np.asarray(getattr(joint_state(self.robot, motion, joint), what))
+        wanted = [name for name in ("position", "acceleration", "load") if name in needed]
 
-            return history.of_motion(self.robot, field_of)
+        def values(motion: ClosedMotion) -> FloatArray:
+            loads, _ = terms.loads(self.robot, motion)
+            state = joint_state(self.robot, motion, joint)._replace(load=loads.get(joint))
+            return np.stack([getattr(state, name) for name in wanted], axis=1)
 
         rate = history.of_joint(self.robot, joint)
-        more = {n: of_joint(n) for n in ("position", "acceleration", "load") if n in needed}
-        load = more.pop("load", None)
-        found = terms.state(JointState(None, rate, None)._replace(**more), load)
+        found = terms.state(JointState(None, rate, None))
+        if wanted:
+            more = history.of_motion(self.robot, values).T
+            found = found._replace(**dict(zip(wanted, more, strict=True)))
         own = terms.displacements.get(joint)
         return found._replace(slips=slips_along(history.ways(rate), own)) if own else found
 
@@ -496,15 +487,8 @@ class ForceModel:
             start = rows.stop
             if recording.history:
                 W[rows][:, :, columns] = self._filtered(recording, columns, loads[rows])
-                continue
-            whole = recording.motion.closed(self.robot)
-            assert self.joint_terms is not None
-            slips = self.joint_terms.slips(self.robot, whole.configurations)
-            terms = self.joint_terms.columns(self.robot, whole, slips=slips)
-            first = len(self.base.parameters) - terms.shape[2]
-            W[rows][:, :, columns] = terms[:, :, self.base.base[columns] - first]
-            place, own = self.load_columns
-            W[rows][:, place, own] *= np.abs(loads[rows][:, place])
+            else:
+                W[rows][:, :, columns] = self.regressor(recording.motion)[:, :, columns]
         return replace(samples, parameters=self.parameters, regressor=W)
 
 
@@ -723,12 +707,7 @@ def reference_instruments(
             f"the reference must have configurations of {nq} numbers, as the recording has, not "
             f"{reference.configurations.shape[1]}"
         )
-    rows = _nearest(np.asarray(reference.time), np.asarray(recording.motion.time))
-    return force_model.regressor(reference.select(rows), n_jobs=n_jobs)
-
-
-def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
-    """Numbers (N,) of the times nearest to wanted ones."""
+    times, wanted = np.asarray(reference.time), np.asarray(recording.motion.time)
     if len(times) < 2:
         raise DataError(f"the reference must have at least two samples, not {len(times)}")
     reach = float(np.diff(times).max())  # a step before its start, and after its end
@@ -737,4 +716,5 @@ def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
             f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "
             f"{wanted.min():.6g} to {wanted.max():.6g} s"
         )
-    return np.rint(np.interp(wanted, times, np.arange(len(times)))).astype(np.int64)
+    rows = np.rint(np.interp(wanted, times, np.arange(len(times)))).astype(np.int64)
+    return force_model.regressor(reference.select(rows), n_jobs=n_jobs)

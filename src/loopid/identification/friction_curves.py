@@ -6,15 +6,14 @@ stays as it is there. Above, it goes on as the line. In both its band widens.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
-from loopid.identification.estimates import Estimate, Estimates
-from loopid.identification.hysteresis import with_reach
+from loopid.identification.estimates import LEAST_FREEDOM, Estimate, Estimates
 from loopid.identification.quality import MotorUse
 from loopid.parameters import KINDS
 from loopid.records import Tabular, record
@@ -22,11 +21,13 @@ from loopid.regressors.joint_laws import (
     ALIKE,
     ASYMMETRY,
     CURVE,
+    HYSTERESIS,
     RATIO,
     JointState,
     JointTerm,
     grouped,
     joint_term,
+    signals,
 )
 
 # Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: Stribeck
@@ -172,17 +173,10 @@ def friction_summary(fit: Estimates) -> FrictionSummary:
     loaded = (each.link for each in fit.parameters if each.kind == "Ft")
     joints = dict.fromkeys((*frictional_joints(fit), *loaded))
     # Of one direction alone, as Fc+, none is that of the joint.
-    places = {(e.link, e.kind.partition("~")[0]): j for j, e in enumerate(fit.parameters)}
-    every = fit.estimates
-
-    def of(joint: str, kind: str) -> Estimate | None:
-        place = places.get((joint, kind))
-        return None if place is None else every[place]
-
-    kinds = "Fc", "Fv", "Fk0", "Ft"
-    return FrictionSummary(
-        tuple(joints), *(tuple(of(joint, kind) for joint in joints) for kind in kinds)
-    )
+    names = ((each.link, each.kind.partition("~")[0]) for each in fit.parameters)
+    found = dict(zip(names, fit.estimates, strict=True))
+    of_kinds = (tuple(found.get((j, kind)) for j in joints) for kind in ("Fc", "Fv", "Fk0", "Ft"))
+    return FrictionSummary(tuple(joints), *of_kinds)
 
 
 def turning_friction(fit: Estimates) -> tuple[str, ...]:
@@ -221,8 +215,25 @@ def friction_at_ends(fit: Estimates, joint: str) -> tuple[FloatArray, FloatArray
 def _laws(fit: Estimates, joint: str, rates: FloatArray) -> FloatArray:
     """Forces (k, n) of the friction terms of a joint per unit, at rates (k,)."""
     state = fit.joint_terms.state(JointState(None, rates, None))
-    terms = [joint_term(fit.parameters[j].kind) for j in friction_columns(fit, joint)]
-    return np.stack([term.signal(state, len(rates)) for term in terms], axis=1)
+    kinds = [fit.parameters[j].kind for j in friction_columns(fit, joint)]
+    return signals(kinds, state, len(rates))
+
+
+def with_reach(
+    fit: Estimates, columns: Sequence[int], laws: FloatArray, doubt: FloatArray | float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Forces (k,) of some columns of a fit by laws (k, columns), and half of their 95 % intervals.
+
+    These hold a further deviation, ``doubt``, and are infinite of assumed parameters.
+    """
+    from scipy.special import stdtrit  # slow to import
+
+    spread = fit.covariance[np.ix_(columns, columns)]
+    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0) + np.square(doubt)
+    freedom = float(fit.degrees_of_freedom[columns].min())
+    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).names} & {*fit.assumed}
+    reach = stdtrit(freedom, 0.975) * np.sqrt(variance) if sure else np.full(len(laws), np.inf)
+    return laws @ fit.values[columns], reach
 
 
 def friction_doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
@@ -263,8 +274,8 @@ def _between(laws: Sequence[JointTerm], speeds: FloatArray) -> FloatArray:
     assert prior.correlation is not None
     alike = prior.correlation(np.append(at, speeds), at)
     state = JointState(None, speeds, None, math=np)
-    hats = np.stack([law.signal(state, len(speeds)) for law in laws], axis=1)
-    parts = np.concatenate([-hats.T, np.eye(len(speeds))])
+    hats = np.stack([law.signal(state, len(speeds)) for law in laws])
+    parts = np.concatenate([-hats, np.eye(len(speeds))])
     return np.asarray(np.maximum((parts * (alike @ parts)).sum(axis=0), 0.0))
 
 
@@ -275,13 +286,23 @@ def frictional_joints(fit: Estimates) -> tuple[str, ...]:
 
 def friction_columns(fit: Estimates, joint: str) -> list[int]:
     """Columns of a joint's terms that depend on the rate alone."""
-    names = enumerate(fit.parameters)
-    return [j for j, name in names if name.link == joint and of_friction(name.kind)]
+    return _columns(fit, joint, of_friction)
 
 
 def load_columns(fit: Estimates, joint: str) -> list[int]:
     """Columns of the friction of a joint's gear, which grows with its load."""
-    return [j for j, name in enumerate(fit.parameters) if (name.link, name.kind) == (joint, "Ft")]
+    return _columns(fit, joint, lambda kind: kind == "Ft")
+
+
+def hysteresis_columns(fit: Estimates, joint: str) -> list[int]:
+    """Columns of a joint's elements of Maxwell slip, by which its friction builds up."""
+    return _columns(fit, joint, lambda k: k not in KINDS and joint_term(k).prior == HYSTERESIS)
+
+
+def _columns(fit: Estimates, joint: str, chosen: Callable[[str], bool]) -> list[int]:
+    """Columns of a joint of the kinds that are chosen."""
+    names = enumerate(fit.parameters)
+    return [j for j, name in names if name.link == joint and chosen(name.kind)]
 
 
 def of_friction(kind: str) -> bool:
@@ -355,12 +376,11 @@ def nearest_line(
         load = float(use.load[use.joints.index(joint)])
     # Not zero, at which friction has no direction.
     rates = np.maximum(np.linspace(least, most, LINE_POINTS), np.finfo(float).tiny)
-    both = np.zeros((2, LINE_POINTS))
-    own = [kind for kind in terms if grouped(kind) or kind in ("Fc", "Fv")]
-    for sign, way in zip((1.0, -1.0), both, strict=True):
+    own = {kind: x for kind, x in terms.items() if grouped(kind) or kind in ("Fc", "Fv")}
+    both = np.empty((2, LINE_POINTS))
+    for way, sign in enumerate((1.0, -1.0)):
         state = JointState(None, sign * rates, None, math=np, torque=load)
-        for kind in own:
-            way += sign * terms[kind] * joint_term(kind).signal(state, LINE_POINTS)
+        both[way] = sign * signals([*own], state, LINE_POINTS) @ [*own.values()]
     line, _ = nnls(np.column_stack([np.ones(LINE_POINTS), rates]), both.mean(axis=0))
     off = float(np.abs(both - line[0] - line[1] * rates).max())
     return FrictionLine(joint, float(line[0]), float(line[1]), off, (least, most))

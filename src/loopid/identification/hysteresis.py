@@ -14,13 +14,13 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
 from loopid.identification.beside import POSSIBLE, Beside
-from loopid.identification.estimates import LEAST_FREEDOM, Estimates
+from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
+from loopid.identification.friction_curves import friction_columns, hysteresis_columns, with_reach
 from loopid.identification.problem import FitSamples
 from loopid.logs.recording import Recording
-from loopid.parameters import KINDS
 from loopid.records import Tabular, record
-from loopid.regressors.joint_laws import JointState, joint_term
+from loopid.regressors.joint_laws import JointState, joint_term, signals
 from loopid.regressors.maxwell_slip import slip_displacements, slip_states
 
 # Part of the force that has changed sides over the identified way: of a law that falls off
@@ -133,7 +133,7 @@ def hysteresis_loop(fit: Estimates, joint: str) -> HysteresisLoop:
     >>> loopid.identification.hysteresis_loop(fit, "elbow").finding
     ('friction of elbow builds up after reversals', 'over 2.5 mrad')
     """
-    own = _columns(fit, joint)
+    own = hysteresis_columns(fit, joint)
     if not own:
         raise OptionError.unknown("joint with hysteresis", joint, hysteretic_joints(fit))
     slips = np.array([joint_term(fit.parameters[j].kind).at for j in own])
@@ -151,11 +151,9 @@ def hysteresis_loop(fit: Estimates, joint: str) -> HysteresisLoop:
     rate = np.concatenate([-np.ones(POINTS), np.ones(POINTS - 1)]) * slow
     state = fit.joint_terms.state(JointState(None, rate, None))
     state = state._replace(slips=dict(zip(slips.tolist(), states.T, strict=True)))
-    names = enumerate(fit.parameters)
-    terms = {j: joint_term(n.kind) for j, n in names if n.link == joint and n.kind not in KINDS}
-    terms = {j: term for j, term in terms.items() if term.friction or j in own}
-    laws = np.stack([term.signal(state, len(rate)) for term in terms.values()], axis=1)
-    force, wide = with_reach(fit, list(terms), laws)
+    columns = sorted([*friction_columns(fit, joint), *own])
+    laws = signals([fit.parameters[j].kind for j in columns], state, len(rate))
+    force, wide = with_reach(fit, columns, laws)
     return HysteresisLoop(
         joint,
         "m" if fit.parameters[own[0]].unit == "N" else "rad",
@@ -166,35 +164,7 @@ def hysteresis_loop(fit: Estimates, joint: str) -> HysteresisLoop:
     )
 
 
-def with_reach(
-    fit: Estimates, columns: Sequence[int], laws: FloatArray, doubt: FloatArray | float = 0.0
-) -> tuple[FloatArray, FloatArray]:
-    """Forces (k,) of some columns of a fit by laws (k, columns), and half of their 95 % intervals.
-
-    These hold a further deviation, ``doubt``, and are infinite of assumed parameters.
-    """
-    from scipy.special import stdtrit  # slow to import
-
-    spread = fit.covariance[np.ix_(columns, columns)]
-    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0) + np.square(doubt)
-    freedom = float(fit.degrees_of_freedom[columns].min())
-    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).names} & {*fit.assumed}
-    reach = stdtrit(freedom, 0.975) * np.sqrt(variance) if sure else np.full(len(laws), np.inf)
-    return laws @ fit.values[columns], reach
-
-
 def hysteretic_joints(fit: Estimates) -> tuple[str, ...]:
     """Joints whose friction builds up after a reversal."""
-    names = (name.link for name in fit.parameters if _builds_up(name.kind))
-    joints = dict.fromkeys(names)
-    return tuple(joint for joint in joints if (fit.values[_columns(fit, joint)] > 0).any())
-
-
-def _columns(fit: Estimates, joint: str) -> list[int]:
-    """Columns of the elements of a joint."""
-    names = enumerate(fit.parameters)
-    return [j for j, name in names if name.link == joint and _builds_up(name.kind)]
-
-
-def _builds_up(kind: str) -> bool:
-    return kind not in KINDS and "slip" in joint_term(kind).needs
+    joints = dict.fromkeys(each.link for each in fit.parameters)
+    return tuple(one for one in joints if (fit.values[hysteresis_columns(fit, one)] > 0).any())

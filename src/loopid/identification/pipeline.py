@@ -25,7 +25,7 @@ from loopid.identification.consistent import (
 from loopid.identification.cutoff import CutoffChoice, Sampled
 from loopid.identification.data import read, require_no_repetition
 from loopid.identification.delay import Delay, InTime, in_time, with_delay_errors
-from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
+from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_models import (
     AUTOMATIC,
@@ -57,7 +57,6 @@ from loopid.identification.result import Fit, of_all
 from loopid.identification.terms import choose_terms, without_offset
 from loopid.logs.recording import Recording, silent_motors
 from loopid.motion.joints import JointMotion
-from loopid.parameters import ParameterSet
 from loopid.regressors.motion_regressors import force_parts
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
@@ -79,15 +78,14 @@ def warn_of_fitted(training: Sequence[Recording], validation: Sequence[Recording
 
 def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
     """Refuse forces that are none: not used, zero, or far below what the robot's bodies need."""
-    driven = len(robot.independent) - len(robot.free)
-    largest, used, needed = np.zeros(driven), np.zeros(driven, dtype=bool), 0.0
+    driven, needed = len(robot.independent) - len(robot.free), 0.0
     names = ", ".join(run.name for run in recordings)
+    forces = np.concatenate([run.force[:, :driven] for run in recordings])
+    largest = np.abs(forces).max(axis=0, initial=0.0)
+    used = np.concatenate([run.used[:, :driven] for run in recordings]).any(axis=0)
     for run in recordings:
-        largest = np.maximum(largest, np.abs(run.force[:, :driven]).max(axis=0, initial=0.0))
-        used |= run.used[:, :driven].any(axis=0)
-        some = spread_rows(len(run), LOOKED_AT)
-        motion = run.motion
-        state = motion.configurations[some], motion.velocities[some], motion.accelerations[some]
+        motion = run.motion.select(spread_rows(len(run), LOOKED_AT))
+        state = motion.configurations, motion.velocities, motion.accelerations
         parts = force_parts(robot, *state).total[:, :driven]
         needed = max(needed, float(np.abs(parts).max(initial=0.0)))
     if not used.any():
@@ -311,11 +309,13 @@ def _fitted(
         regions = _errors_by_region(solid, data)
     least = whole.noise if solid is None else solid.result.noise
     start = fit_joint_terms(force_model, data, noise=least)
-    fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
+    fits = {ROBOT_FILE: start, ALL: of_all(whole, force_model.parameters)}
     if solid is not None:
         offsets = () if first is not None else without_offset(force_model, data)
         allowing = with_missing(with_offsets(solid, offsets), missing)
-        fits[CONSISTENT] = with_assumed(allowing, excited)
+        assumed = {*allowing.assumed, *(excited.assumed if excited.unidentifiable else ())}
+        names = (name for name in force_model.parameters.names if name in assumed)
+        fits[CONSISTENT] = replace(allowing, assumed=tuple(names))
     own_data = data if solid is None else solid.samples
     refits = _refits(
         force_model, fits, excited, own_data, first=first, known=known, options=options
@@ -539,8 +539,8 @@ def fit_all(
         for step in (identifiability(force_model, first.select(plain)), excited):
             if step.unidentifiable:
                 raise step.refusal
-        labels = force_model.parameters.labels
-        known = [labels[j] for j in np.intersect1d(force_model.joint_columns, plain)]
+        joints = np.intersect1d(force_model.joint_columns, plain)
+        known = data.parameters.select(joints).labels
         found = fit_in_steps(first.select(plain), part, known, estimator=estimator)
     elif excited.unidentifiable and (options.unidentifiable == "error" or not excited.rank):
         raise excited.refusal
@@ -548,7 +548,7 @@ def fit_all(
         found = fit_determined(
             force_model.prior[plain], part, excited, estimator, options.unidentifiable
         )
-    return widened(found, data.parameters)
+    return of_all(found, data.parameters)
 
 
 def fit_determined(
@@ -573,14 +573,6 @@ def fit_determined(
             DataWarning,
         )
     return found
-
-
-def widened(found: Fit, parameters: ParameterSet) -> Fit:
-    """A fit of some of the parameters, the others ``assumed`` to be zero."""
-    if found.parameters == parameters:
-        return found
-    columns = np.array([parameters.labels.index(label) for label in found.parameters.labels])
-    return of_all(found, parameters, columns, np.zeros(len(parameters)))
 
 
 @checked
@@ -626,23 +618,11 @@ def fit_joint_terms(
         return replace(
             Fit.of(force_model, values),
             estimator=ROBOT_FILE,
-            condition_number=1.0,
             degrees_of_freedom=np.array(float(data.problem.rows)),
             quality=fit_quality(data.problem, values),
-            weights=equal_weights(data.problem),
             standard_parameters=force_model.standard_prior,
         )
-    if excitation.rank == len(joints):
-        terms = quiet_fit(left)
-    else:
-        terms = fit_excited(left, values[joints], excitation)
-    own = terms.require_noise()
-    found = fit_terms(force_model, data, own, noise or own)
+    whole = excitation.rank == len(joints)
+    terms = quiet_fit(left) if whole else fit_excited(left, values[joints], excitation)
+    found = fit_terms(force_model, data, terms.require_noise(), noise or terms.require_noise())
     return replace(found, estimator=terms.estimator, model=force_model)
-
-
-def with_assumed(found: Fit, excited: Identifiability) -> Fit:
-    """A fit, with what the data do not excite ``assumed``."""
-    assumed = {*found.assumed, *(excited.assumed if excited.unidentifiable else ())}
-    names = found.parameters.names
-    return replace(found, assumed=tuple(name for name in names if name in assumed))

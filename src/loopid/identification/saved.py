@@ -126,12 +126,10 @@ class FitFile:
             ) from error
         if not isinstance(content, dict) or content.get("format") != FORM:
             raise DataError(f"{path} is not a saved fit: its format is not {FORM!r}", file=path)
-        if "version" not in content:
-            raise DataError(f"{path} is not a saved fit: its version is missing", file=path)
-        if content["version"] != VERSION:
+        if (form := content.get("version")) != VERSION:
             raise DataError(
-                f"{path} is a fit in form {shown(content['version'])}, and this loopid reads "
-                f"form {VERSION}: identify the log again and save the fit",
+                f"{path} is a fit in form {shown(form)}, and this loopid reads form {VERSION}: "
+                "identify the log again and save the fit",
                 field="version",
             )
         if content.get("digest") != digest(content):
@@ -208,8 +206,8 @@ class FitFile:
 
     def load_robot(self, file: str | Path | None = None) -> Robot:
         """The robot, loaded as it was then: from a file, or from where it was."""
-        own = self.robot
-        if file is None and not own["path"]:
+        own, place = self.robot, file or self.robot["path"]
+        if not place:
             raise FileError(
                 f"the robot of the fit, {own['name']}, was made in Python: make it again, for "
                 "load_fit(path, robot=...)",
@@ -222,7 +220,6 @@ class FitFile:
             for each in own["options"].get("closures", ())
         ]
         try:
-            place = own["path"] if file is None else file
             # A YAML that was written beside an exported file has them, too.
             closures = not_in(find_files(place).given, closures)
             return load(place, **own["options"] | {"closures": closures})
@@ -328,8 +325,7 @@ class FitFile:
 
 def _require_own_bodies(fit: Estimates, model: ForceModel) -> None:
     """Refuse bodies that make other base parameters than those of the fit."""
-    bodies = fit.standard_parameters
-    if bodies is None:
+    if (bodies := fit.standard_parameters) is None:
         return
     made, size = model.base.values(bodies), np.abs(model.base.matrix) @ np.abs(bodies)
     apart = np.abs(made - fit.values) > FOLLOWS * (size + np.abs(fit.values))
@@ -355,8 +351,6 @@ def _document(path: Path) -> bytes | str:
         raise DataError(f"{path} {reason}", file=path)
     ending = require_ending(path, ENDINGS)
     content = path.read_bytes()
-    if not content.strip():
-        raise DataError(f"{path} is not a saved fit: it is empty", file=path)
     if ending != ".json" and not content.startswith(b"{"):
         from loopid.yaml_files import LARGE, load_yaml  # for what another program wrote
 

@@ -99,7 +99,7 @@ class Reduction:
     @property
     def fit(self) -> Fit:
         """All parameters: as fitted where supported, elsewhere ``assumed`` at their reference."""
-        return of_all(self.result, self.parameters, np.array(self.columns), self.reference)
+        return of_all(self.result, self.parameters, self.reference)
 
     def __repr__(self) -> str:
         names = self.result.parameters.names
@@ -120,11 +120,15 @@ class Reduction:
 
 @checked
 def eliminate(found: Outcome) -> Reduction:
-    """Find the parameters of an identification that predictions need; ``eliminate_parameters``.
+    """Find the parameters of an identification that predictions need.
 
-    Dropped ones go back to the robot file, and joint terms that it gives no value of to zero. What
-    is unidentifiable is dropped from the start. Joint terms whose size the evidence decides stay.
-    What is essential is not for a prior to say: weighted least squares stands in for Bayes.
+    At each step the parameter with the largest relative standard deviation goes back to its
+    reference, and the others are fitted again. Of all steps, the one with the fewest parameters is
+    chosen whose validation error is not clearly above the least (``PredictionError``).
+
+    The reference is the robot file, and zero for joint terms that it gives no value of. What is
+    unidentifiable is dropped from the start. Joint terms whose size the evidence decides stay. What
+    is essential is not for a prior to say: weighted least squares stands in for Bayes.
 
     Parameters
     ----------
@@ -176,44 +180,11 @@ def eliminate_parameters(
     reference: FloatArray | None = None,
     free: IntArray | None = None,
 ) -> Reduction:
-    """Drop the least certain parameters one by one, and keep as few as predict as well.
+    """As ``eliminate``, of different samples of the same parameters and actuators.
 
-    At each step the parameter with the largest relative standard deviation goes back to its
-    reference. The others are fitted again. Of all steps, the one with the fewest parameters is
-    chosen whose validation error is not clearly above the least (``PredictionError``).
-
-    Parameters
-    ----------
-    training, validation : FitSamples
-        Different data, of the same parameters and actuators.
-    estimator : str or Estimator
-        As of ``fit``. Weights and error model are those of the full model at every step.
-    reference : FloatArray, optional
-        (n,), values of dropped parameters, such as the robot file's; by default zero.
-    free : IntArray, optional
-        Columns that are fitted at first, ascending; by default all.
-
-    Raises
-    ------
-    DataError
-        When the data do not belong together, or the full model fits without error.
-    RankError
-        When the training data do not excite a combination of parameters.
-
-    Examples
-    --------
-    Three columns, of which the last has no effect:
-
-    >>> import loopid, numpy as np
-    >>> from loopid.identification.selection import eliminate_parameters
-    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx", "arm.my"])
-    >>> def log(seed):
-    ...     rng = np.random.default_rng(seed)
-    ...     W = rng.normal(size=(500, 1, 3))
-    ...     force = W @ [2.0, 0.5, 0.0] + 0.1 * rng.normal(size=(500, 1))
-    ...     return loopid.identification.FitSamples.of(names, ["motor"], W, force)
-    >>> eliminate_parameters(log(0), log(1)).result.parameters.labels
-    ('arm.m', 'arm.mx')
+    Weights and error model are those of the full model at every step. Dropped parameters have the
+    values (n,) of a reference, by default zero. At first all are fitted, or the columns, ascending,
+    that are ``free``.
     """
     names = training.parameters
     if (validation.parameters, validation.actuators) != (names, training.actuators):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -41,6 +42,7 @@ AROUND = 0.1  # in s, that are left out beside a short time in which errors stan
 TOO_FEW = 0.1
 MOST = 0.5  # part of the samples in motion with the same force, from which on its steps are coarse
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
+warning = partial(Finding, "warning")
 # What a fit is fit for, in words.
 NOT_FIT, ROUGHLY = "Not fit for use", "Fit for rough predictions of forces"
 PARAMETERS = " and as parameters of the robot"
@@ -234,25 +236,21 @@ def _reached(found: Outcome) -> str:
     return " and ".join(filter(None, (", ".join(said[:-1]), *said[-1:])))
 
 
-def _better(found: Outcome) -> Finding | None:
+def _better(found: Outcome) -> Iterator[Finding]:
     """Of all parameters, where they predict clearly better than the recommended ones."""
-    times = found.advantage
-    if times is None:
-        return None
-    return Finding(
-        "warning",
-        f"all parameters predict {times:.2g} times better",
-        "than any robot with solid bodies and friction that dissipates, on data left out",
-        "look for a wrong sign, zero or length of the file",
-    )
+    if found.advantage is not None:
+        yield warning(
+            f"all parameters predict {found.advantage:.2g} times better",
+            "than any robot with solid bodies and friction that dissipates, on data left out",
+            "look for a wrong sign, zero or length of the file",
+        )
 
 
 def _turning_friction(found: Outcome) -> Finding:
     """Motors whose force follows their rate as no friction does."""
     every, turning = found[ALL].fit, found.fit.turning
     slow, fast = (number(part, 2) for part in friction_at_ends(every, turning[0])[0])
-    return Finding(
-        "warning",
+    return warning(
         f"friction of {first_of(turning, NAMED)} changes its sign with speed",
         f"all parameters fitted, it is {slow} of the largest force of {turning[0]} when slow, "
         f"{fast} when fast",
@@ -273,7 +271,7 @@ def _use(found: Outcome, error: float) -> str:
         return f"{NOT_FIT}, as {_turning_friction(found).title}"
     if not error <= ROUGH:
         return f"{NOT_FIT}, as {found.singular.title}" if found.singular else NOT_FIT
-    if single := _of_single_moves(found):
+    for single in _of_single_moves(found):
         return f"{NOT_FIT} beyond its own moves, as {single.title}"
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
     if silent := _silent(found):
@@ -305,7 +303,7 @@ def _doubtful(found: Outcome) -> bool:
         or bool(model is not None and model.severity != "note")
         or found.advantage is not None
         or found.outstanding is not None
-        or _noisy(found) is not None
+        or any(_noisy(found))
         or any(_of_encoders(found))
     )
 
@@ -318,16 +316,20 @@ def _of_encoders(found: Outcome) -> Iterator[Finding]:
     yield from said.values()
 
 
-def _noisy(found: Outcome) -> tuple[str, float] | None:
-    """The motor whose errors are largest beside its sensor's noise, and how many times that."""
+def _noisy(found: Outcome) -> Iterator[Finding]:
+    """The motor whose errors are largest beside its sensor's noise."""
     errors, noise = found.fit.unseen_rms, found.sensor_noise
     ratios = np.full(len(noise), np.nan) if errors is None else errors / noise
     if (ripples := found.fit.ripples) is not None:  # it is known what makes their errors
         ratios[np.isin(found.data.actuators, ripples.motors)] = np.nan
-    if np.isnan(ratios).all() or np.nanmax(ratios) <= NOISY:
-        return None
-    worst = int(np.nanargmax(ratios))
-    return found.data.actuators[worst], float(ratios[worst])
+    if np.nanmax(ratios, initial=0.0) > NOISY:
+        worst = int(np.nanargmax(ratios))
+        yield warning(
+            f"errors of {found.data.actuators[worst]} exceed its sensor's noise",
+            f"they are {ratios[worst]:.2g} times it, by what forces have above half the Nyquist "
+            "frequency; the model lacks what makes them",
+            f"see {PAGE} for what it may be",
+        )
 
 
 def _standing(found: Outcome) -> tuple[str, ...]:
@@ -351,46 +353,35 @@ def _unused(found: Outcome) -> tuple[str, ...]:
     return tuple(name for name, used in columns if name in motors and not used.any())
 
 
-def _of_silent(found: Outcome) -> Finding | None:
-    """What the data cannot say of motors without force."""
-    silent = _silent(found)
-    if not silent:
-        return None
-    others = [name for name in _unused(found) if name not in silent]
-    also = f"; so are the forces of {first_of(others, NAMED)}, as it adds to them" * bool(others)
-    return Finding(
-        "warning",
-        f"the force of {first_of(silent, NAMED)} is zero all along",
-        "it is left out: nothing is known of its friction, nor of bodies that it alone carries"
-        f"{also}",
-        "name the column that has it as 'force' in a mapping",
-    )
+def _of_idle(found: Outcome) -> Iterator[Finding]:
+    """What the data cannot say of motors that stand, or without force."""
+    silent, standing = _silent(found), _standing(found)
+    if standing:
+        yield warning(
+            f"{first_of(standing, NAMED)} never moves",
+            "nothing is known of its friction, nor of the forces at its other positions",
+            "record a motion that moves it; if it did move, its column of positions is dead",
+        )
+    if silent:
+        others = [name for name in _unused(found) if name not in silent]
+        also = f"; so are the forces of {first_of(others, NAMED)}, as it adds to them"
+        yield warning(
+            f"the force of {first_of(silent, NAMED)} is zero all along",
+            "it is left out: nothing is known of its friction, nor of bodies that it alone carries"
+            f"{also * bool(others)}",
+            "name the column that has it as 'force' in a mapping",
+        )
 
 
-def _of_standing(found: Outcome) -> Finding | None:
-    """What the data cannot say of motors that stand."""
-    standing = _standing(found)
-    if not standing:
-        return None
-    return Finding(
-        "warning",
-        f"{first_of(standing, NAMED)} never moves",
-        "nothing is known of its friction, nor of the forces at its other positions",
-        "record a motion that moves it; if it did move, its column of positions is dead",
-    )
-
-
-def _of_single_moves(found: Outcome) -> Finding | None:
+def _of_single_moves(found: Outcome) -> Iterator[Finding]:
     """Motors that move once: left out, nothing is known of them, and what is fitted judges."""
     single = () if found.validation else single_moves(found.data, found.training)
-    if not single:
-        return None
-    return Finding(
-        "warning",
-        f"{first_of(single, NAMED)} {'moves' if len(single) == 1 else 'move'} only once",
-        "segments left out of a move are much like the rest of it, and judge nothing else",
-        "record a longer log, in which each motor moves to and fro",
-    )
+    if single:
+        yield warning(
+            f"{first_of(single, NAMED)} {'moves' if len(single) == 1 else 'move'} only once",
+            "segments left out of a move are much like the rest of it, and judge nothing else",
+            "record a longer log, in which each motor moves to and fro",
+        )
 
 
 def _of_ripples(found: Outcome, ripples: Ripples) -> Finding:
@@ -412,32 +403,6 @@ def _of_ripples(found: Outcome, ripples: Ripples) -> Finding:
     )
 
 
-def _model_findings(found: Outcome) -> Iterator[Finding | None]:
-    """What the model lacks, and where the data do not decide."""
-    yield _of_model(found)
-    yield from missing_findings(found.missing)
-    if found.fit.ripples is not None:
-        yield _of_ripples(found, found.fit.ripples)
-    noisy = _noisy(found)
-    if noisy is not None:
-        motor, times = noisy
-        yield Finding(
-            "warning",
-            f"errors of {motor} exceed its sensor's noise",
-            f"they are {times:.2g} times it, by what forces have above half the Nyquist frequency; "
-            "the model lacks what makes them",
-            f"see {PAGE} for what it may be",
-        )
-    if found.repeated > REPEATED:
-        yield Finding(
-            "warning",
-            "the motion repeats itself",
-            f"{100 * found.repeated:.0f} % of its states come back; regions of states were left "
-            "out to judge the fit",
-            "record another motion, and judge the fit on it",
-        )
-
-
 def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
     """Parameters that a further motion should excite, and what would improve the fit most.
 
@@ -450,31 +415,36 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
         return (), model.do
     for wrong in _wrong(found):
         return (), wrong.do
-    for lacking in found.missing:
-        if lacking.zero:
-            return (), lacking.do
+    for lacking in (each for each in found.missing if each.zero):
+        return (), lacking.do
     excite = found.identifiability.leads or _least_known(found)
     least = " and ".join(excite[:LEAST_CERTAIN])
     return excite, f"excite the least certain, {least}" if excite else "record a longer log"
 
 
-def findings_of(found: Outcome) -> list[Finding]:
+def findings_of(found: Outcome) -> Iterator[Finding]:
     """What to know beside the numbers."""
-    return [each for each in _findings(found) if each is not None]
-
-
-def _findings(found: Outcome) -> Iterator[Finding | None]:
+    fit, model = found.fit, _of_model(found)
     for one in found.log_faults:
         yield from one.findings
-    yield _of_standing(found)
-    yield _of_silent(found)
+    yield from _of_idle(found)
     yield from _wrong(found)
     yield from _of_encoders(found)
-    yield from _model_findings(found)
-    fit = found.fit
+    if model is not None:
+        yield model
+    yield from missing_findings(found.missing)
+    if fit.ripples is not None:
+        yield _of_ripples(found, fit.ripples)
+    yield from _noisy(found)
+    if found.repeated > REPEATED:
+        yield warning(
+            "the motion repeats itself",
+            f"{100 * found.repeated:.0f} % of its states come back; regions of states were left "
+            "out to judge the fit",
+            "record another motion, and judge the fit on it",
+        )
     if fit.deviation is not None and fit.deviation.fault:
-        yield Finding(
-            "warning",
+        yield warning(
             "bodies would be far off the robot file",
             fit.deviation.fault,
             "look for a tool, a payload or a missing joint term",
@@ -482,34 +452,35 @@ def _findings(found: Outcome) -> Iterator[Finding | None]:
     if not fit.settled:
         yield UNSETTLED
     yield from () if found.delay is None else found.delay.findings
-    yield from (one.hidden for one in found.log_faults)
+    yield from (one.hidden for one in found.log_faults if one.hidden is not None)
     for broken in fit.broken:
-        if broken == NOTHING_FOLLOWS:
-            continue  # a finding of its own
-        yield Finding(
-            "warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"'
-        )
+        if broken != NOTHING_FOLLOWS:  # a finding of its own
+            yield warning("the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')
     yield from found.identifiability.findings
     yield from () if found.cutoff is None else found.cutoff.findings
 
 
-def _wrong(found: Outcome) -> list[Finding]:
+def _wrong(found: Outcome) -> Iterator[Finding]:
     """What another motion does not mend, the likeliest cause first."""
-    other, coarse = found.log_difference, _coarse(found)
+    coarse = _coarse(found)
     worst = found.new.actuators[found.unseen.worst[1]]
-    others = (_better(found), None if worst in coarse else _unexplained(found))
-    change = found.load_change if other is None else None
-    turns = found.fit.turning and (any(others) or found.force_model.free_friction)
-    said = (
-        _of_coarse(coarse),
-        _of_single_moves(found),
-        _passing(found),
-        None if other is None else other.finding(),
-        None if change is None else change.finding(len(found.training) > 1),
-        _turning_friction(found) if turns else None,
-        *others,
-    )
-    return [each for each in said if each is not None]
+    others = [*_better(found), *(() if worst in coarse else _unexplained(found))]
+    if coarse:
+        yield warning(
+            f"the force of {first_of([*coarse], NAMED)} comes in coarse steps",
+            f"it has one value in {number(100 * max(coarse.values()), 2)} % of the samples in "
+            "which the motor moves: what it has beside that is not known",
+            "log it in finer steps, or name another column as 'force' in a mapping",
+        )
+    yield from _of_single_moves(found)
+    yield from _passing(found)
+    if found.log_difference is not None:
+        yield found.log_difference.finding()
+    elif found.load_change is not None:
+        yield found.load_change.finding(len(found.training) > 1)
+    if found.fit.turning and (others or found.force_model.free_friction):
+        yield _turning_friction(found)
+    yield from others
 
 
 def _coarse(found: Outcome) -> dict[str, float]:
@@ -527,76 +498,57 @@ def _coarse(found: Outcome) -> dict[str, float]:
     return said
 
 
-def _of_coarse(coarse: Mapping[str, float]) -> Finding | None:
-    """What forces in coarse steps cannot say."""
-    if not coarse:
-        return None
-    return Finding(
-        "warning",
-        f"the force of {first_of([*coarse], NAMED)} comes in coarse steps",
-        f"it has one value in {number(100 * max(coarse.values()), 2)} % of the samples in which "
-        "the motor moves: what it has beside that is not known",
-        "log it in finer steps, or name another column as 'force' in a mapping",
-    )
-
-
-def _passing(found: Outcome) -> Finding | None:
+def _passing(found: Outcome) -> Iterator[Finding]:
     """What happened once, for a short time."""
     one = found.outstanding
-    if one is None:
-        return None
-    around = max(one.end - one.start, AROUND)
-    of_log = f" of {one.name}" * (len(found.training) > 1)
-    return Finding(
-        "warning",
-        f"errors of {one.motor} stand out between {one.start:.2f} and {one.end:.2f} s{of_log}",
-        f"there they are {number(100 * one.error, 2)} % of its force, and at no other time alike",
-        "look at what happened then, as a hand or a stop that pushed, and delete the rows between "
-        f"{one.start - around:.2f} and {one.end + around:.2f} s",
-    )
+    if one is not None:
+        around = max(one.end - one.start, AROUND)
+        of_log = f" of {one.name}" * (len(found.training) > 1)
+        yield warning(
+            f"errors of {one.motor} stand out between {one.start:.2f} and {one.end:.2f} s{of_log}",
+            f"there they are {number(100 * one.error, 2)} % of its force, and at no other time "
+            "alike",
+            "look at what happened then, as a hand or a stop that pushed, and delete the rows "
+            f"between {one.start - around:.2f} and {one.end + around:.2f} s",
+        )
 
 
-def _unexplained(found: Outcome) -> Finding | None:
+def _unexplained(found: Outcome) -> Iterator[Finding]:
     """Forces that no parameters explain, or that the recommended fit does not."""
+    explained = found[ALL].fit.quality.r_squared
+    noise = [name for name, r in zip(found.data.actuators, explained, strict=True) if r < NOISE]
+    where, worst, error = found.unseen.worst
+    at, motor = AT.get(where, ""), found.new.actuators[worst]
+    why = f"errors on new data are {number(100 * error, 2)} % of it"
+    own, force = found.fit.quality.residual_rms[worst], found.unseen.force[worst]
     if NOTHING_FOLLOWS in found.fit.broken:
-        return Finding(
-            "warning",
+        yield warning(
             NOTHING_FOLLOWS,
             f"all parameters together explain less than {100 * NOISE:.0f} % of any force's "
             "variance, so that the log says nothing of the robot",
             "record a motion in which the forces change, or look at the columns and time stamps",
         )
-    explained = found["all parameters"].fit.quality.r_squared
-    noise = [name for name, r in zip(found.data.actuators, explained, strict=True) if r < NOISE]
-    if noise:
-        return Finding(
-            "warning",
+    elif noise:
+        yield warning(
             f"force of {first_of(noise, NAMED)} does not follow the motion",
             f"all parameters together explain {100 * max(np.nanmin(explained), 0.0):.2g} % of its "
             "variance",
             "look at its column, its time stamps, and whether the motor drives the robot",
         )
-    where, worst, error = found.unseen.worst
-    if not error > ROUGH:
-        return None
-    at, motor = AT.get(where, ""), found.new.actuators[worst]
-    why = f"errors on new data are {number(100 * error, 2)} % of it"
-    own = float(found.fit.quality.residual_rms[worst] / found.unseen.force[worst])
-    if not at and own <= TOO_FEW * error:
-        return Finding(
-            "warning",
+    elif error > ROUGH and not at and own <= TOO_FEW * error * force:
+        yield warning(
             f"force of {motor} is known from too few samples",
-            f"{why}, and {number(100 * own, 2)} % on the data that were fitted",
+            f"{why}, and {number(100 * float(own / force), 2)} % on the data that were fitted",
             f"record a longer log, in which {motor} moves more",
         )
-    return Finding(
-        "warning",
-        f"force of {motor} is not explained{at.replace(',', '')}",
-        why,
-        "look for brakes, or a counterweight that the file lacks"
-        if where == "standstill"
-        else "look for a payload, a spring, a wrong length or a missing joint term",
-    )
+    elif error > ROUGH:
+        yield warning(
+            f"force of {motor} is not explained{at.replace(',', '')}",
+            why,
+            "look for brakes, or a counterweight that the file lacks"
+            if where == "standstill"
+            else "look for a payload, a spring, a wrong length or a missing joint term",
+        )
 
 
 def _least_known(found: Outcome) -> tuple[str, ...]:

@@ -301,11 +301,13 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
     zero = int(streams[0].stamps[0])
     # Differences of whole nanoseconds are exact, however long ago the epoch.
     times = [(stream.stamps - zero) / 1e9 for stream in streams]
-    spans = _spans(times[0])
-    for other in times[1:]:
-        spans = _overlaps(spans, _spans(other))
     step = float(np.median(np.diff(times[0])))
-    grids = [*_grids(times[0], spans, step)]
+    parts = np.stack([_parts(times[0], own) for own in times])
+    cuts = np.flatnonzero((np.diff(parts, axis=1) != 0).any(axis=0)) + 1
+    every, least = np.arange(len(times[0])), parts.min(axis=0)
+    runs = [times[0][run] for run in np.split(every, cuts) if least[run[0]] >= 0]
+    grids = [_grid(run, step) for run in runs if len(run) >= LEAST_ROWS]
+    grids = [grid for grid in grids if len(grid) >= LEAST_ROWS]
     if not grids:
         listed = ", ".join(
             f"{stream.source} from {stamps[0]:.3f} to {stamps[-1]:.3f} s"
@@ -335,38 +337,22 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
     return Aligned(time, tables, segments, tuple(dropped))
 
 
-def _grids(time: FloatArray, spans: FloatArray, step: float) -> Iterator[FloatArray]:
-    """Even times, from the first to the last stamp of each span that has enough of them.
+def _parts(time: FloatArray, stamps: FloatArray) -> IntArray:
+    """In which part without gaps of a stream times (N,) are; -1 outside of all."""
+    steps = np.diff(stamps)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps))
+    part = np.searchsorted(stamps[np.append(0, gaps + 1)], time, "right") - 1
+    return np.where(time <= stamps[np.append(gaps, len(stamps) - 1)][part], part, -1)
+
+
+def _grid(time: FloatArray, step: float) -> FloatArray:
+    """Even times from the first stamp to the last.
 
     Of an even log each is a stamp, to the bit, lest values that are held seem to change.
     """
-    for span in spans:
-        inside = time[np.searchsorted(time, span[0]) :]
-        inside = inside[: np.searchsorted(inside, span[1], "right")]
-        count = round((inside[-1] - inside[0]) / step) + 1 if len(inside) >= LEAST_ROWS else 0
-        if count >= LEAST_ROWS:
-            grid = np.linspace(inside[0], inside[-1], count)
-            whole = np.round(1e9 * grid) / 1e9  # ns, as stamps are
-            yield np.where(np.abs(grid - whole) <= ROUND_OFF * whole[-1], whole, grid)
-
-
-def _spans(time: FloatArray) -> FloatArray:
-    """First and last times (S, 2) of the parts without gaps."""
-    steps = np.diff(time)
-    gaps = np.flatnonzero(steps > GAP * np.median(steps))
-    return np.stack([time[np.append(0, gaps + 1)], time[np.append(gaps, len(time) - 1)]], axis=1)
-
-
-def _overlaps(spans: FloatArray, others: FloatArray) -> FloatArray:
-    """Where both have a span (S, 2); each ascending and disjoint."""
-    first = np.searchsorted(others[:, 1], spans[:, 0], "right")
-    last = np.searchsorted(others[:, 0], spans[:, 1])
-    found = [
-        (max(span[0], other[0]), min(span[1], other[1]))
-        for span, a, b in zip(spans, first, last, strict=True)
-        for other in others[a:b]
-    ]
-    return np.array(found).reshape(-1, 2)
+    grid = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
+    whole = np.round(1e9 * grid) / 1e9  # ns, as stamps are
+    return np.where(np.abs(grid - whole) <= ROUND_OFF * whole[-1], whole, grid)
 
 
 def _outside(time: FloatArray, grids: Sequence[FloatArray], step: float) -> Iterable[Dropped]:

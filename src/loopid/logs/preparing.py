@@ -140,11 +140,11 @@ def prepare(
     signals = filter_log(log, lowpass)
     rows, ends = kept_rows(log, lowpass, filter)
     logged = measured_motion(robot, log, signals)
-    measured = JointCoordinates(robot, robot.measured).read(logged.configurations[rows])
+    measured = JointCoordinates(robot, robot.measured).read(logged[0][rows])
     least = least_logged(robot) if singularity_threshold is None else singularity_threshold
     found = assemble_samples(robot, log, measured, rows, least, known=known, progress=progress)
     segments, rows = renumbered(log.segments[rows], found.good), rows[found.good]
-    for fault in misplaced_motors(robot, logged.configurations[rows], found.configurations):
+    for fault in misplaced_motors(robot, logged[0][rows], found.configurations):
         warn(f"{log.name}: {fault}", DataWarning)
     saturated = near_saturation(log, limits, lowpass)[rows]
     stuck = sticking(log, signals.velocity)
@@ -163,10 +163,9 @@ def prepare(
             "free flight",
             DataWarning,
         )
-    history, parts = None, tuple(log.parts())
+    history = None
     if lowpass is not None:
-        rates = log.joints, signals.velocity, parts, tuple(map(log.rate, parts))
-        history = RateHistory(*rates, lowpass, slow, stuck, rows, (rows, motion))
+        history = RateHistory(log, signals.velocity, lowpass, slow, stuck, rows, (rows, motion))
     recording = Recording(
         name=log.name,
         actuators=robot.independent,
@@ -400,16 +399,13 @@ def kept_rows(
     return np.concatenate(rows), ends
 
 
-class LoggedMotion(NamedTuple):
-    """Motors and free joints along a log; other coordinates are zero, or as at the reference."""
+def measured_motion(
+    robot: Robot, log: Log, signals: Signals
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Motors and free joints along a log; other coordinates are zero, or as at the reference.
 
-    configurations: FloatArray  # (N, nq)
-    velocities: FloatArray  # (N, nv)
-    accelerations: FloatArray
-
-
-def measured_motion(robot: Robot, log: Log, signals: Signals) -> LoggedMotion:
-    """Motors along a log, and joints that no motor moves with their derivatives."""
+    Configurations (N, nq), velocities (N, nv) and accelerations.
+    """
     q = np.tile(robot.reference, (len(log), 1))
     for name, values in signals.free.items():
         joint = robot.joint(name)
@@ -426,7 +422,7 @@ def measured_motion(robot: Robot, log: Log, signals: Signals) -> LoggedMotion:
         a = log.by_part(differentiate, v)
     motors = robot.velocity_indices(log.joints)
     v[:, motors], a[:, motors] = signals.velocity, signals.acceleration
-    return LoggedMotion(JointCoordinates(robot, log.joints).write(q, signals.position), v, a)
+    return JointCoordinates(robot, log.joints).write(q, signals.position), v, a
 
 
 # ---- assembly ----------------------------------------------------------------------------------
@@ -557,15 +553,15 @@ def _assembled(
 
 
 def motion_of(
-    robot: Robot, log: Log, logged: LoggedMotion, rows: IntArray, found: Assembled
+    robot: Robot, log: Log, logged: Sequence[FloatArray], rows: IntArray, found: Assembled
 ) -> JointMotion:
     """What all joints do at rows (K,) that are assembled, with bases as measured."""
+    measured, v, a = (each[rows] for each in logged)
     q, independent = found.configurations, robot.velocity_indices(robot.independent)
     for joint in (robot.joint(name) for name in log.free if name in robot.floating):
         pose = slice(joint.idx_q, joint.idx_q + joint.nq)
-        q[:, pose] = logged.configurations[rows][:, pose]
-    v, a = logged.velocities[rows][:, independent], logged.accelerations[rows][:, independent]
-    return JointMotion(log.time[rows], q, v, a, found.singularity)
+        q[:, pose] = measured[:, pose]
+    return JointMotion(log.time[rows], q, v[:, independent], a[:, independent], found.singularity)
 
 
 def _where(time: FloatArray, flags: BoolArray) -> str:

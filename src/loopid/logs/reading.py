@@ -45,6 +45,7 @@ def read_log(
     *,
     mapping: LogMapping | str | Path | None = None,
     rows: tuple[int, int | None] | None = None,
+    forces: bool = True,
 ) -> Log:
     """Read the positions and forces of the motors.
 
@@ -61,6 +62,8 @@ def read_log(
     rows : tuple of int, optional
         First and last row (None for the end) to be read, as messages count them: as if there were
         no others. In a log of several streams, of that with the first position.
+    forces : bool
+        False of a motion that was commanded: forces that a log has are passed over, and are zeros.
 
     Returns
     -------
@@ -92,18 +95,6 @@ def read_log(
     >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 segment>
     """
-    return _read(path, robot, mapping, rows)
-
-
-def _read(
-    path: str | Path,
-    robot: Robot,
-    mapping: LogMapping | str | Path | None,
-    rows: tuple[int, int | None] | None = None,
-    *,
-    forces: bool = True,
-) -> Log:
-    """A log; without ``forces`` those of a log are passed over, and none are zeros."""
     file = nullcontext() if isinstance(mapping, LogMapping | None) else placing(Path(mapping))
     with file:
         mapping = mapping_of(mapping)
@@ -136,11 +127,8 @@ def read_recording(
     forces: bool = True,
     progress: Progress | None = None,
 ) -> Recording:
-    """Read a log and make it ready; see ``read_log`` and ``prepare``.
-
-    Of a motion that was commanded, without ``forces``: those that a log has are passed over.
-    """
-    log = _read(path, robot, mapping, rows, forces=forces)
+    """Read a log and make it ready; see ``read_log`` and ``prepare``."""
+    log = read_log(path, robot, mapping=mapping, rows=rows, forces=forces)
     return prepare(robot, log, filter=filter, progress=progress)
 
 

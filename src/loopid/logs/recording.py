@@ -120,16 +120,19 @@ class RateHistory:
     force model multiplies must be filtered alike, at the rate of the log.
     """
 
-    joints: tuple[str, ...]
+    log: Log  # of M samples
     velocity: FloatArray  # (M, m) in m/s or rad/s
-    parts: tuple[slice, ...]  # rows of each segment
-    rates: tuple[float, ...]  # samples per second of each segment
     lowpass: LowPass
     idle: BoolArray  # (M, m), where a motor stands or turns back
     stuck: BoolArray  # (M, m), where a motor sticks
     rows: IntArray  # (N,), which of the M samples were kept
     # Which were assembled (K,), and their motion; a part of a recording has those of all
     whole: tuple[IntArray, JointMotion]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The m motors."""
+        return self.log.joints
 
     def of_joint(self, robot: Robot, joint: str) -> FloatArray:
         """Rate (M,) of a motor, or of another joint by its share in those of the motors."""
@@ -149,8 +152,7 @@ class RateHistory:
 
     def ways(self, rate: FloatArray) -> list[FloatArray]:
         """Positions along each segment at a rate (M,), from wherever they start."""
-        parts = zip(self.parts, self.rates, strict=True)
-        return [np.cumsum(rate[part]) / frequency for part, frequency in parts]
+        return [np.cumsum(rate[part]) / self.log.rate(part) for part in self.log.parts()]
 
     def bridged(self, joint: str, signal: FloatArray) -> FloatArray:
         """Friction (M,) of a joint, on a line while a motor sticks.
@@ -168,7 +170,8 @@ class RateHistory:
     @property
     def reach(self) -> float:
         """Time in s over which the filter spreads what happens in one sample."""
-        return max(reach_of(self.lowpass, rate) / rate for rate in self.rates)
+        rates = map(self.log.rate, self.log.parts())
+        return max(reach_of(self.lowpass, rate) / rate for rate in rates)
 
     def directions(self, joint: str) -> FloatArray:
         """Signs (M,) of the rate of a motor, as friction follows them."""
@@ -177,9 +180,7 @@ class RateHistory:
     def of_motion(self, robot: Robot, signal: Callable[[ClosedMotion], FloatArray]) -> FloatArray:
         """A signal (M, ...) of the whole motion, between assembled samples on a line."""
         samples, motion = self.whole
-        parts = []
-        for rows in row_blocks(len(samples)):
-            parts.append(signal(motion.closed(robot, rows)))
+        parts = [signal(motion.closed(robot, rows)) for rows in row_blocks(len(samples))]
         known, every = np.concatenate(parts), np.arange(len(self.velocity))
         columns = known.reshape(len(samples), -1).T
         found = np.stack([np.interp(every, samples, one) for one in columns], axis=1)
@@ -187,13 +188,7 @@ class RateHistory:
 
     def lowpassed(self, signal: FloatArray) -> FloatArray:
         """A signal (M,) filtered, at the samples (N,) that were kept."""
-        count, shape = len(self.velocity), np.shape(signal)
-        if shape[:1] != (count,):
-            said = f"signal must have {count} rows, one a sample of the log, not shape {shape}"
-            raise DataError(said, argument="signal", given=shape)
-        segments = zip(self.parts, self.rates, strict=True)
-        filtered = [self.lowpass.apply(signal[part], rate) for part, rate in segments]
-        return np.concatenate(filtered)[self.rows]
+        return self.log.by_part(self.lowpass.apply, signal)[self.rows]
 
 
 @record(checked="outside")

@@ -294,14 +294,11 @@ class ColumnFinder:
         streams: dict[str, list[Channel]] = {}
         for place, channel in found.items():
             streams.setdefault(place.stream, []).append(channel)
-        for stream, channels in streams.items():
-            times = self.time(stream).names
-            for channel in channels:
-                if channel.column in times:
-                    raise self._refused(
-                        f"column {channel.column!r} is the time, so that it cannot be the "
-                        f"{channel.quantity} of {channel.joint}, too"
-                    )
+            if channel.column in self.time(place.stream).names:
+                raise self._refused(
+                    f"column {channel.column!r} is the time, so that it cannot be the "
+                    f"{channel.quantity} of {channel.joint}, too"
+                )
         return streams
 
     def _refuse_current(self, place: Place, channel: Channel) -> None:
@@ -326,11 +323,7 @@ class ColumnFinder:
     ) -> Iterator[tuple[Place, Channel]]:
         """Columns of a quantity, one for each motor, with their scales and offsets."""
         places = self._motor_columns(joints, quantity)
-        if len(places) != len(joints):
-            raise self._refused(
-                f"there are {len(places)} columns for the {quantity}, but the robot has "
-                f"{len(joints)} motors: {', '.join(joints)}"
-            )
+        self._require_count(places, f"the {quantity}", joints)
         scales = self.mapping.by_joint(self.source, f"{quantity}_scale", joints)
         offsets = self.mapping.by_joint(self.source, f"{quantity}_offset", joints)
         for joint, place, scale, offset in zip(joints, places, scales, offsets, strict=True):
@@ -341,11 +334,7 @@ class ColumnFinder:
         """Columns of the wrenches, each of them a quantity."""
         for k, given in enumerate(self.mapping.wrenches):
             places = self._listed_columns(given)
-            if len(places) != len(COMPONENTS):
-                raise self._refused(
-                    f"there are {len(places)} columns for the wrench on {given.frame}, but it "
-                    f"takes {len(COMPONENTS)}: {', '.join(COMPONENTS)}"
-                )
+            self._require_count(places, f"the wrench on {given.frame}", COMPONENTS)
             numbers = zip(places, COMPONENTS, given.six("scale"), given.six("offset"), strict=True)
             for place, component, scale, offset in numbers:
                 column = place.column
@@ -360,14 +349,18 @@ class ColumnFinder:
     def _free(self) -> Iterator[tuple[Place, Channel]]:
         """Columns of joints that no motor moves, each joint a quantity."""
         for joint, columns in self.mapping.free.items():
-            if len(columns) not in (1, len(POSE)):
-                raise self._refused(
-                    f"there are {len(columns)} columns for {joint}, but it takes one or, of a "
-                    f"floating base, {', '.join(POSE)}"
-                )
+            if len(columns) != 1:
+                self._require_count(columns, f"{joint}, of which several are a pose", POSE)
             for component, place in zip(POSE, map(self._called, columns), strict=False):
                 unit = self._unit("position", place.column, None, "a header's unit")
                 yield place, Channel(free_name(joint), component, place.column, unit.scale, 0.0)
+
+    def _require_count(self, found: Sequence[object], of: str, names: Sequence[str]) -> None:
+        if len(found) != len(names):
+            raise self._refused(
+                f"there are {len(found)} columns for {of}, but it takes {len(names)}: "
+                f"{', '.join(names)}"
+            )
 
     def _unit(
         self, quantity: str, column: str, given: float | None, key: str, joint: str = ""
@@ -592,13 +585,10 @@ class ColumnFinder:
         return found[0]
 
     def _matching(self, names: Sequence[str], *, ends: bool = True) -> list[Place]:
-        """Columns by names, their words, or, with ``ends``, the end of a path."""
-        wanted = [name.casefold() for name in names]
-        by_words = [words(name) for name in names]
-        paths = by_words if ends else []
-        for found, keys in zip(self._by_name, (wanted, by_words, paths), strict=True):
-            places = [place for key in dict.fromkeys(keys) for place in found.get(key, ())]
-            if places:
+        """Columns by the words of names, or else, with ``ends``, those at the end of a path."""
+        keys = dict.fromkeys(map(words, names))
+        for found in self._by_name[: 1 + ends]:
+            if places := [place for key in keys for place in found.get(key, ())]:
                 return list(dict.fromkeys(places))
         return []
 
@@ -613,12 +603,11 @@ class ColumnFinder:
 
     @cached_property
     def _by_name(self) -> tuple[dict[str, list[Place]], ...]:
-        """Columns by name whatever the case, by words, and by the words at the end of a path."""
-        found = tuple(defaultdict[str, list[Place]](list) for _ in range(3))
+        """Columns by the words of their names, and by those at the end of a path."""
+        found = tuple(defaultdict[str, list[Place]](list) for _ in range(2))
         for place, name in self._names.items():
             path = endings(f"{place.stream}/{name}" if len(self.streams) > 1 else name)
-            keys = [place.column.casefold()], {words(place.column), words(name)}, path
-            for places, own in zip(found, keys, strict=True):
+            for places, own in zip(found, ({words(place.column), words(name)}, path), strict=True):
                 for key in own:
                     places[key].append(place)
         return found

@@ -26,7 +26,7 @@ from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
 from loopid.records import Tabular, columns_of, record
 from loopid.regressors.dynamics import UNBALANCED, Dynamics
-from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
+from loopid.regressors.joint_terms import JointTerms, load_places
 from loopid.regressors.maxwell_slip import slips_at
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.robot import Robot
@@ -247,9 +247,8 @@ def _motor_forces(
         )
         if terms is not None:
             every = robot.parameters() + terms.parameters(robot)
-            places = load_places(every, robot.independent)
-            loads = K[:, :, : len(bodies)] @ bodies
-            K = with_loads(K, places, loads)
+            motor, columns = load_places(every, robot.independent)
+            K[:, motor, columns] *= np.abs(K[:, :, : len(bodies)] @ bodies)[:, motor]
         needed = K @ values
         force, left = needed[:, :driven], needed[:, driven:]
         if robot.redundant:

@@ -8,8 +8,9 @@ anywhere. Errors in it are raised at registration, or when it first meets a join
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from math import isfinite, nan
 from typing import Any, Literal, NamedTuple
 
@@ -220,10 +221,6 @@ def _spring(
     return JointTerm(name, (f"N/m{power}", f"N m/rad{power}"), law, ("position",), beside)
 
 
-def _stribeck(joint: JointState, at: float) -> Any:
-    return joint.math.exp(-((joint.rate / at) ** 2)) * joint.sign()
-
-
 # A friction curve is a line Fc + Fv |q̇| and what departs from it, a sum of hats at rates that
 # double: linear between them, flat from standstill to the first, none from the last on. Its
 # asymmetry, which has one sign both ways, is none up to the first rate and flat from the last on.
@@ -234,20 +231,11 @@ ALIKE = 1.0
 MOST_LOST = 0.5
 
 
-def _rising(joint: JointState, at: float) -> Any:
-    """From 0 at the rate before to 1 at the rate, and beyond it above."""
-    return (RATIO * joint.math.fabs(joint.rate) / at - 1) / (RATIO - 1)
-
-
-def _falling(joint: JointState, at: float) -> Any:
-    """To 0 at the rate after, from 1 at the rate and above it below."""
-    return (RATIO - joint.math.fabs(joint.rate) / at) / (RATIO - 1)
-
-
 def _hat(joint: JointState, at: float, first: bool = False, last: bool = False) -> Any:
     """1 at the rate, 0 at those before and after it; the first is flat below, the last above."""
-    below = 1.0 if first else _rising(joint, at)
-    above = 1.0 if last else _falling(joint, at)
+    rate = joint.math.fabs(joint.rate)
+    below = 1.0 if first else (RATIO * rate / at - 1) / (RATIO - 1)
+    above = 1.0 if last else (RATIO - rate / at) / (RATIO - 1)
     return joint.math.fmax(0.0, joint.math.fmin(below, above))
 
 
@@ -272,13 +260,7 @@ def _point(name: str, law: Callable[[JointState, float], Any], prior: PriorGroup
 
 
 class JointTermRegistry(Registry[JointTerm]):
-    """Joint terms by their kinds; ``found`` are those asked for, such as ``"Ks@0.2"``."""
-
-    found: dict[str, JointTerm]
-
-    def __init__(self) -> None:
-        super().__init__("joint term")
-        self.found = {}
+    """Joint terms by their kinds."""
 
     def register(self, name: str, entry: JointTerm | str) -> None:
         """Add a joint term, or put it in the place of one of the same kind.
@@ -312,7 +294,7 @@ class JointTermRegistry(Registry[JointTerm]):
                 given=name,
             )
         super().register(name, entry)
-        self.found.clear()
+        joint_term.cache_clear()
 
 
 # Words of a choice of terms, and what a kind may look like.
@@ -349,6 +331,33 @@ def _try(kind: str, term: JointTerm) -> None:
         )
 
 
+MARKS = "~", "@"
+
+
+@cache
+def joint_term(kind: str, others: tuple[str, ...] = ()) -> JointTerm:
+    """The term of a kind such as ``"Fc"`` or ``"Ks@0.2"``; errors also name other words."""
+    mark = next((mark for mark in MARKS if mark in kind), "")
+    stem, _, number = kind.partition(mark) if mark else (kind, "", "")
+    name = next((known for known in JOINT_TERMS if mark and known.startswith(stem + mark)), kind)
+    if name not in JOINT_TERMS:
+        raise OptionError.unknown("joint term", kind, (*JOINT_TERMS, *others))
+    term = JOINT_TERMS[name]
+    if not mark:
+        return term
+    try:
+        at = float(number)
+    except ValueError:
+        at = nan
+    slides = "slip" in term.needs
+    if not isfinite(at) or ((mark == "~" or slides) and at <= 0):
+        what = "rate above 0" if mark == "~" else "displacement above 0" if slides else "position"
+        raise OptionError(
+            f"joint term {kind!r} needs a {what} after {mark}, not {number!r}", given=kind
+        )
+    return replace(term, at=at)
+
+
 # By their kinds, which label the parameters and are written in files; in place of the words in
 # capitals stands a number. A spring Ks q + Fo = Ks (q - q0) is slack at q0 = -Fo / Ks; a gain of
 # stiffness above a position makes it piecewise linear, or a stop. The gas of a cylinder that would
@@ -356,7 +365,7 @@ def _try(kind: str, term: JointTerm) -> None:
 # is more near standstill [Armstrong1994]. Hysteresis is what friction that builds up over a
 # displacement has less after a reversal than Coulomb friction, which it is a part of: none in
 # steady motion (``maxwell_slip.py``).
-JOINT_TERMS = JointTermRegistry()
+JOINT_TERMS = JointTermRegistry("joint term")
 for _kind, _term in {
     "Ia": JointTerm(
         "drive inertia",
@@ -373,7 +382,12 @@ for _kind, _term in {
         "Coulomb friction backward", lambda joint, _: joint.math.fmin(joint.sign(), 0.0)
     ),
     "Fc~RATE": _coulomb("smooth Coulomb friction", lambda joint, at: joint.sign(at)),
-    "Fs~RATE": JointTerm("Stribeck friction", ("N", "N m"), _stribeck, ("rate", "sign")),
+    "Fs~RATE": JointTerm(
+        "Stribeck friction",
+        ("N", "N m"),
+        lambda joint, at: joint.math.exp(-((joint.rate / at) ** 2)) * joint.sign(),
+        ("rate", "sign"),
+    ),
     "Fk0~RATE": _point("friction curve", lambda j, at: _hat(j, at, first=True) * j.sign(), CURVE),
     "Fk~RATE": _point("friction curve", lambda j, at: _hat(j, at) * j.sign(), CURVE),
     "Fa~RATE": _point("friction asymmetry", _hat, ASYMMETRY),
@@ -420,34 +434,12 @@ for _kind, _term in {
     ),
 }.items():
     JOINT_TERMS.register(_kind, _term)
-MARKS = "~", "@"
 
 
-def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
-    """The term of a kind such as ``"Fc"`` or ``"Ks@0.2"``; errors also name other words."""
-    if kind in JOINT_TERMS.found:
-        return JOINT_TERMS.found[kind]
-    mark = next((mark for mark in MARKS if mark in kind), "")
-    stem, _, number = kind.partition(mark) if mark else (kind, "", "")
-    name = next((known for known in JOINT_TERMS if mark and known.startswith(stem + mark)), kind)
-    if name not in JOINT_TERMS:
-        raise OptionError.unknown("joint term", kind, (*JOINT_TERMS, *others))
-    term = JOINT_TERMS[name]
-    if not mark:
-        JOINT_TERMS.found[kind] = term
-        return term
-    try:
-        at = float(number)
-    except ValueError:
-        at = nan
-    slides = "slip" in term.needs
-    if not isfinite(at) or ((mark == "~" or slides) and at <= 0):
-        what = "rate above 0" if mark == "~" else "displacement above 0" if slides else "position"
-        raise OptionError(
-            f"joint term {kind!r} needs a {what} after {mark}, not {number!r}", given=kind
-        )
-    JOINT_TERMS.found[kind] = replace(term, at=at)
-    return JOINT_TERMS.found[kind]
+def signals(kinds: Sequence[str], joint: JointState, count: int) -> FloatArray:
+    """What coefficients of kinds (k,) multiply in ``count`` states of a joint, (count, k)."""
+    found = [joint_term(kind).signal(joint, count) for kind in kinds]
+    return np.array(found).reshape(len(kinds), count).T
 
 
 def grouped(kind: str) -> bool:

@@ -152,14 +152,7 @@ class JointTerms:
         return replace(like, joints=tuple(found), kinds=each[0] if len(set(each)) == 1 else each)
 
     def joined(self, kinds: Mapping[str, tuple[str, ...]]) -> JointTerms:
-        """The same terms, and further kinds of some joints.
-
-        Examples
-        --------
-        >>> import loopid
-        >>> loopid.JointTerms(("elbow",), ("Fc",)).joined({"elbow": ("Fv",)}).of_joints
-        {'elbow': ('Fc', 'Fv')}
-        """
+        """The same terms, and further kinds of some joints."""
         return self.of_kinds(together(self.of_joints, kinds), self) or self
 
     def choice(self, robot: Robot) -> str:
@@ -309,16 +302,6 @@ def load_places(parameters: ParameterSet, independent: Sequence[str]) -> tuple[I
     ]
     rows, columns = np.array(places, dtype=np.int64).reshape(-1, 2).T
     return rows, columns
-
-
-def with_loads(
-    regressor: FloatArray, places: tuple[IntArray, IntArray], loads: FloatArray
-) -> FloatArray:
-    """A regressor (N, dof, n) with loads (N, dof) at the places of ``load_places``."""
-    rows, columns = places
-    found = np.array(regressor)
-    found[:, rows, columns] *= np.abs(loads)[:, rows]
-    return found
 
 
 def together(*sets: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
