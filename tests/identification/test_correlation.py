@@ -246,19 +246,6 @@ def test_what_one_or_two_recordings_tell_has_no_scatter():
     assert quiet_fit(samples).standard_errors[0] <= 3 * alone.standard_errors[0]
 
 
-def test_what_clearly_varies_between_recordings_is_named():
-    rng, parts = np.random.default_rng(0), []
-    for k in range(6):
-        W = smooth_regressor(k, 300)
-        mine = TRUTH + 0.5 * (-1) ** k * np.eye(6)[5]
-        parts.append(named_samples(W, W @ mine + rng.normal(size=(300, 2))))
-    with pytest.warns(DataWarning) as caught:
-        fit(FitSamples.combined(parts))
-    said = [str(each.message) for each in caught if "between recordings" in str(each.message)]
-    assert len(said) == 1
-    assert "link5.m" in said[0]
-
-
 @pytest.mark.validate
 @pytest.mark.parametrize("runs", [150])
 @pytest.mark.parametrize(

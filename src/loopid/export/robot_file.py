@@ -65,7 +65,7 @@ def updated_robot_file(
     files = files_of(robot)
     _require_editable(files.tree)
     file = editable_files[files.tree.suffix](files.tree)
-    rows = _body_parameters(robot, standard_parameters, parameters)
+    rows = body_parameters(robot, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
     links = {link: inertial.P for link, inertial in file.inertials.items()}
     for body, row in zip(robot.bodies, rows, strict=True):
@@ -197,7 +197,7 @@ def _updated_links(
     return changed
 
 
-def _body_parameters(
+def body_parameters(
     robot: Robot, standard_parameters: FloatArray, parameters: ParameterSet | None
 ) -> FloatArray:
     """Parameters (bodies, 10), or (bodies, 4) of a gravity model, those of tied links repeated."""
