@@ -208,6 +208,9 @@ class LogMapping(Section):
         except ValidationError as error:
             raise refusal(error, content, kind=OptionError) from error
 
+    def __hash__(self) -> int:
+        return hash(type(self))
+
     # Files are validated as before, without passing here.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
