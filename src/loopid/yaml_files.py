@@ -29,7 +29,6 @@ ENDINGS = (".yaml", ".yml")
 MOST_BYTES = 500_000
 MOST_DEPTH = 50
 MOST_ANCHORS = 100  # and aliases
-LONGEST_TEXT = 100_000
 # YAML takes 1_6 and 0x10 for 16.
 ODD_NUMBER = re.compile(r"[-+]?([0-9.]+_[0-9_.]*([eE][-+]?[0-9_]+)?|0[box][0-9a-fA-F_]+)")
 Content = TypeVar("Content", bound=BaseModel)
@@ -218,8 +217,6 @@ class _BoundedParser(Parser):
     def _require_plain(self, event: ScalarEvent, line: int) -> None:
         """Refuse a scalar that is a number by accident, or breaks a line."""
         text = event.value
-        if len(text) > LONGEST_TEXT:
-            raise _BoundError(f"a text in line {line} has more than {LONGEST_TEXT:,} characters")
         if not text.isprintable():
             raise _BoundError(
                 f"texts must be printable and on one line, not {shown(text)} in line {line}"
