@@ -29,7 +29,6 @@ ENDINGS = (".yaml", ".yml")
 MOST_BYTES = 500_000
 MOST_DEPTH = 50
 MOST_ANCHORS = 100  # and aliases
-LARGE = 4_000_000  # bytes of YAML that programs write
 # YAML takes 1_6 and 0x10 for 16.
 ODD_NUMBER = re.compile(r"[-+]?([0-9.]+_[0-9_.]*([eE][-+]?[0-9_]+)?|0[box][0-9a-fA-F_]+)")
 Content = TypeVar("Content", bound=BaseModel)
@@ -115,7 +114,7 @@ def _repetition(text: str, error: DuplicateKeyError) -> str:
     return f"line {line}: a key stands there that its section has already, written otherwise"
 
 
-def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYTES) -> Any:
+def load_yaml(path: Path, failure: type[LoopidError]) -> Any:
     """Lists, dictionaries, texts and numbers of a YAML file that is no larger than it seems.
 
     Texts must be printable and on one line.
@@ -126,9 +125,9 @@ def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYT
         raise kind(f"{path} {problem}")
     try:
         with path.open("rb") as stream:
-            data = stream.read(most_bytes + 1)
-        if len(data) > most_bytes:
-            raise _BoundError(f"it is longer than the {most_bytes / 1e6:g} MB that are read")
+            data = stream.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            raise _BoundError(f"it is longer than the {MOST_BYTES / 1e6:g} MB that are read")
         yaml = YAML(typ="safe", pure=True)
         yaml.Parser = _BoundedParser
         text = data.decode("utf-8")

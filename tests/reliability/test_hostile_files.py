@@ -11,7 +11,6 @@ from spoiling import LAUGHS
 
 import loopid
 from bank_robots import few_of
-from loopid import load_fit
 from loopid.errors import LoopidError, RobotFileError
 from loopid.formats import mjcf_compiler
 from loopid.logs.mapping import read_mapping
@@ -69,7 +68,7 @@ def test_a_yaml_without_end_or_sense_is_refused(refused, content, words):
     assert words in refused("robot.yaml", content)
 
 
-@pytest.mark.parametrize("read", [read_mapping, read_motion_program, load_fit])
+@pytest.mark.parametrize("read", [read_mapping, read_motion_program])
 @pytest.mark.parametrize(
     ("content", "words"),
     [
