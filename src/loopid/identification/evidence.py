@@ -151,10 +151,15 @@ class Evidence:
         self._known_products: dict[tuple[Pose, tuple[float, ...]], FloatArray] = {}
 
     def _samples(self, recording: Recording, most: int) -> list[Any]:
-        motion, rows = recording.motion, spread_rows(len(recording), most)
+        motion, used = recording.motion, recording.used
+        counted = np.flatnonzero(used.any(axis=1))
+        rows = counted[spread_rows(len(counted), most)]
+        for own in used.T[used[rows].sum(axis=0) < LEAST_SAMPLES]:  # motors that hardly move
+            counted = np.flatnonzero(own)
+            rows = np.union1d(rows, counted[spread_rows(len(counted), LEAST_SAMPLES)])
         signals = directions(recording), motion.velocities, motion.accelerations
         rates = [signal[rows] for signal in signals]
-        q, force, used = motion.configurations, recording.motor_force, recording.used
+        q, force = motion.configurations, recording.motor_force
         external = recording.force - force
         return [q[rows], np.stack(rates, axis=2), force[rows], used[rows], external[rows]]
 
