@@ -89,8 +89,8 @@ words_of_files: Registry[Any] = Registry(
 fit_exports: Registry[Any] = Registry(
     "form of a fit",
     {
-        "robot file": "loopid.export.robot_file:robot_file_of",
-        "C source": "loopid.export.c_code:c_code_of",
+        "robot file": "loopid.export.robot_file:export_robot_file",
+        "C source": "loopid.export.c_code:c_source",
         "Pinocchio": "loopid.export.pinocchio_model:pinocchio_of",
     },
 )

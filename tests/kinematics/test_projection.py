@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 import loopid
 from bank_robots import few_of
 from loopid import random_configurations
+from loopid.arguments import connected
 from loopid.errors import AccuracyWarning, DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics import (
     SamplingOptions,
@@ -27,7 +28,6 @@ from loopid.kinematics import (
 )
 from loopid.kinematics.assembly import try_assemble
 from loopid.kinematics.projection import NEAR_SINGULARITY, Solver, singularity_measure
-from loopid.robot.robot import connected
 
 LIMB_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")
 CASES = {

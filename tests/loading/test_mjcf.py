@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings, strategies as st
+from numpy.polynomial import Polynomial
 
 mujoco = pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
 read_mjcf = importlib.import_module("loopid.formats.mjcf").read_mjcf
@@ -164,9 +165,12 @@ def residual(source, state, closure, torque_scale):
     """What MuJoCo calls the position of an equality, from a closure."""
     model = source.model
     if closure.type == "coupling":
-        at = {name: model.joints[model.getJointId(name)].idx_q for name in closure.joints}
-        terms = (factor * state.q[at[name]] for name, factor in closure.joints.items())
-        return np.array([sum(terms) - closure.offset])
+        at = {joint: model.joints[model.getJointId(joint)].idx_q for joint in list(model.names)[1:]}
+        y, s = (
+            sum(factor * state.q[at[joint]] for joint, factor in (terms or {}).items())
+            for terms in (closure.joints, closure.of)
+        )
+        return np.array([y - Polynomial(closure.polynomial or [closure.offset])(s)])
     one, two = (state.data.oMf[model.getFrameId(name)] for name in closure.frames)
     gap = one.translation - two.translation
     if closure.type == "3d":

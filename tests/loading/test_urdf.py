@@ -785,7 +785,7 @@ WRONG = {
     "neither true nor false": ([WRONG_DEPENDENT], ("hub", "independent", "'fasle'")),
     "mimic: unknown": (
         [TIP, mimicking("elbow")],
-        ("finger mimics 'elbow'", "wrist, hub", "take its <mimic> out"),
+        ("finger mimics 'elbow'", "wrist, hub", "take the <mimic> out"),
     ),
     "mimic: itself": ([TIP, mimicking("finger")], ("finger mimics finger", "circle")),
     "mimic: circle": (

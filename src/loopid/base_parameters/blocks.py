@@ -1,14 +1,8 @@
 """Blocks of a choice problem: parts that can be searched apart, and good selections of each, fast.
 
-Of a block k vectors are selected. The squared singular values of the selected rows X_S are the
-eigenvalues of X_S X_Sᵀ. "Smallest" and "largest" mean these throughout the exact search.
-
-A good selection comes from pivoted QR, then swaps between barriers that close in on the
-eigenvalues. With a barrier b below those of M = X_SᵀX_S, the potential tr (M - b I)⁻¹ sees all of
-them. It sees those near the barrier most [Batson2012]. Likewise tr (b I - M)⁻¹ above them. To swap
-a row for a vector changes M by a matrix of rank two. With E = (M - b I)⁻¹ take the Gram matrices
-P = X E Xᵀ and Q = X E² Xᵀ. They hold the potential after every one of the k (n - k) swaps in closed
-form. The best of them updates both in O(n²). Derivation in docs/derivations.md.
+Of a block k vectors are selected, the rows X_S. "Smallest" and "largest" mean eigenvalues of
+X_S X_Sᵀ throughout the exact search. A good selection comes from pivoted QR, then swaps between
+barriers that close in on the eigenvalues [Batson2012]. Derivation in docs/derivations.md.
 """
 
 from __future__ import annotations
@@ -16,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, product
+from itertools import combinations
 from math import comb, prod
 from time import thread_time
 from typing import TypeVar
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, random_generator
+from loopid.arguments import FloatArray, IntArray
 from loopid.base_parameters.choice import ChoiceProblem
 from loopid.base_parameters.rank import pivots
 from loopid.base_parameters.structure import base_columns, independent_blocks
@@ -33,8 +27,7 @@ PARALLEL = 1e-10
 NEARLY_PARALLEL = 1e-6  # of the product of norms, by which the inner product falls short of it
 BELOW, ABOVE = 1.0, -1.0
 SIDES = ((BELOW,), (BELOW, ABOVE))
-# Barriers, as fractions of the eigenvalue next to them; far ones see more of the others.
-FRACTIONS = (0.8, 0.97)
+FRACTION = 0.97  # of the eigenvalue next to a barrier, that it is at
 LEAST_GAIN = 1e-6  # relative, in the potential, to be worth a swap
 # A swap keeps at least this fraction of |det (M - b I)|, which is well clear of round-off.
 LEAST_VOLUME = 1e-6
@@ -42,10 +35,6 @@ MOST_SWAPS = 200  # between two barriers; round-off must not turn a walk into a 
 LOOKED_AT = 4096  # selections times k² that are all looked at instead
 MOST_STAGES = 100  # in a walk; far more than one takes
 LEAST_RATIO = 1e-13  # of the eigenvalues of a selection that walks can start from
-# Blocks of more vectors are worth walks from near the best selection, by random swaps that keep
-# much of |det X_S|.
-LARGE, KICKS, KICK_SWAPS, KICK_VOLUME = 36, 20, 4, 0.3
-HUGE = 300  # vectors of blocks whose walks take longer than they are worth repeating
 
 Thing = TypeVar("Thing")
 
@@ -257,25 +246,17 @@ def good_selection(block: Block, budget: Budget, least_largest: float = 0.0) -> 
         levels = block.levels(selection)
         return Levels(levels.smallest, max(levels.largest, least_largest)).ratio
 
-    first, random = best, random_generator(block.size)
+    first = best
     try:
-        for fraction, sides in product(FRACTIONS, SIDES):
-            best = min(best, walked(block, first, budget, fraction, sides), key=ratio)
-        for kick in range(KICKS if LARGE < block.size <= HUGE else 0):
-            start = _kicked(block, best, random)
-            walk = walked(block, start, budget, FRACTIONS[-1], SIDES[kick % 2])
-            best = min(best, walk, key=ratio)
+        for sides in SIDES:
+            best = min(best, walked(block, first, budget, sides), key=ratio)
     except OutOfBudgetError:
         pass
     return best
 
 
 def walked(
-    block: Block,
-    selection: IntArray,
-    budget: Budget,
-    fraction: float,
-    sides: Sequence[float] = (BELOW,),
+    block: Block, selection: IntArray, budget: Budget, sides: Sequence[float] = (BELOW,)
 ) -> IntArray:
     """Swap until the potential is at rest, close in with the barriers, and so on.
 
@@ -294,7 +275,7 @@ def walked(
         barriers = []
         for side in sides:
             outermost = levels.smallest if side == BELOW else levels.largest
-            level = outermost * fraction if side == BELOW else outermost / fraction
+            level = outermost * FRACTION if side == BELOW else outermost / FRACTION
             # The weight makes the potential a number without unit.
             barriers.append((outermost, Barrier.at(level, block.vectors, chosen, side)))
         chosen = _at_rest(barriers, chosen, budget)
@@ -318,19 +299,6 @@ def _at_rest(
         out, into = int(chosen[place]), int(rest[other])
         barriers = [(weight, barrier.swapped(out, into)) for weight, barrier in barriers]
         chosen[place], rest[other] = into, out
-    return chosen
-
-
-def _kicked(block: Block, selection: IntArray, random: np.random.Generator) -> IntArray:
-    """A few random swaps, none of which loses much of the volume."""
-    chosen = selection.copy()
-    for _ in range(KICK_SWAPS):
-        kept = np.abs(block.vectors @ np.linalg.pinv(block.vectors[chosen]))
-        kept[chosen] = 0.0
-        place = int(random.integers(len(chosen)))
-        others = np.flatnonzero(kept[:, place] > KICK_VOLUME)
-        if len(others) > 0:
-            chosen[place] = random.choice(others)
     return chosen
 
 

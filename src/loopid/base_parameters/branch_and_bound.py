@@ -1,20 +1,13 @@
 """All selections of a block in a box, by branch and bound.
 
-A box is a range of eigenvalues. Let X be (m, k), G = X Xᵀ and F = XᵀX. Let S be a selection of k
-rows with smallest eigenvalue above t and largest below u. It contains no subset C, and leaves out
-no set T, that break (Cauchy interlacing)
-
-    G_CC - t I > 0,    u I - G_CC > 0,    F - t I - X_Tᵀ X_T > 0.
-
-The last is (I - X (F - t I)⁻¹ Xᵀ)_TT > 0 by Schur's complement. So three m x m matrices decide.
-Taking rows eliminates them in the first two. Leaving rows out eliminates them in the third. The
-Schur complements on the free rows say of every row, and of every two, whether they can still be
-taken or left. Rows with one option are settled at once. Derivation in docs/derivations.md.
+A box is a range of eigenvalues, above t and below u. With X (m, k), G = X Xᵀ and F = XᵀX, three
+m x m matrices say which rows a selection can still take or leave. Taking rows eliminates them in
+G - t I and u I - G, leaving them in I - X (F - t I)⁻¹ Xᵀ (Schur complements). Rows with one option
+are settled at once. Derivation in docs/derivations.md.
 
 Round-off must not lose a selection. The matrices are scaled to a diagonal of about 1. The box is
-widened by twice the ``margin``. A row is ruled out only by a pivot below the margin. That exceeds
-what round-off does to a pivot of such a matrix [Higham2002, theorem 10.7]. The singular values of
-every selection that is left have the last word.
+widened by twice the ``margin``, and a row is ruled out only by a pivot below it. The singular
+values of every selection that is left have the last word.
 """
 
 from __future__ import annotations

@@ -139,19 +139,18 @@ class ChoiceProblem:
         columns[np.linalg.norm(columns, axis=1) <= SUM_ROUND_OFF] = 0.0
         return np.asarray(columns, dtype=np.float64)
 
-    def dependent(self, selections: IntArray) -> IntArray:
-        """Dependent columns (c, d) of selections (c, k) of vectors."""
-        if self.criterion == "nullspace":
-            return np.sort(selections, axis=1)
-        rest = [base_columns(self.size, selection) for selection in selections]
-        return np.array(rest, dtype=np.int64).reshape(len(selections), self.dependent_count)
-
     def condition_number(self, dependent: IntArray) -> float:
         """The criterion's value for dependent columns (d,)."""
-        chosen = np.asarray(dependent)
+        return float(self.condition_numbers(np.asarray(dependent)[None])[0])
+
+    def condition_numbers(self, dependent: IntArray) -> FloatArray:
+        """The criterion's values (c,) for c choices (c, d) of dependent columns."""
+        chosen = dependent
         if self.criterion == "regressor":
-            chosen = base_columns(self.size, chosen)
-        return float(condition_numbers(self.vectors[chosen][None])[0])
+            is_base = np.ones((len(dependent), self.size), dtype=bool)
+            np.put_along_axis(is_base, dependent, False, axis=1)
+            chosen = np.nonzero(is_base)[1].reshape(len(dependent), -1)
+        return condition_numbers(self.vectors[chosen])
 
     def uncertainty(self, condition: Number) -> float:
         """Relative error of condition numbers up to one given, by round-off in the vectors.
@@ -178,10 +177,13 @@ def condition_numbers(matrices: FloatArray) -> FloatArray:
     """Condition numbers (c,) of matrices (c, m, n): 1 for empty, infinite for singular ones."""
     if 0 in matrices.shape[1:]:
         return np.ones(len(matrices))
-    values = np.linalg.svd(matrices, compute_uv=False)
-    largest, smallest = values[:, 0], values[:, -1]
+    return largest_over_least(np.asarray(np.linalg.svd(matrices, compute_uv=False)))
+
+
+def largest_over_least(values: FloatArray) -> FloatArray:
+    """Ratios (c,) of the first to the last of singular values (c, k); infinite where that is 0."""
     ratio = np.full(len(values), np.inf)
-    np.divide(largest, smallest, out=ratio, where=smallest > 0)
+    np.divide(values[:, 0], values[:, -1], out=ratio, where=values[:, -1] > 0)
     return ratio
 
 

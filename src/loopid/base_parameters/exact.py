@@ -21,7 +21,6 @@ import numpy as np
 
 from loopid.arguments import IntArray
 from loopid.base_parameters.blocks import (
-    FRACTIONS,
     Block,
     Budget,
     Levels,
@@ -262,7 +261,7 @@ class _Interval:
     def _polished(self, b: int, selection: IntArray, below: float) -> IntArray:
         """The selection after swaps that raise its smallest eigenvalue, if it stays below."""
         block = self.blocks[b]
-        better = walked(block, selection, self.budget, FRACTIONS[-1])
+        better = walked(block, selection, self.budget)
         before, after = block.levels(selection), block.levels(better)
         if after.largest < below and after.smallest > before.smallest:
             selection, before = better, after

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import FloatArray, IntArray, checked, chosen, finite
+from loopid.arguments import FloatArray, IntArray, checked, chosen, connected, finite
 from loopid.base_parameters.rank import (
     CLEAR,
     DoubtfulCombination,
@@ -205,14 +205,8 @@ def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
     if basis.ndim != 2:
         raise DataError(f"null_basis must have shape (n, d), not {basis.shape}", given=basis.shape)
     lengths = np.linalg.norm(basis, axis=1)
-    connected = np.abs(basis @ basis.T) > SOLVED_ROUND_OFF * np.outer(lengths, lengths)
-    np.fill_diagonal(connected, True)
-    # Each column takes the first column that it is connected with, until all of a block agree.
-    first, before = connected.argmax(axis=0), None
-    while before is None or (first != before).any():
-        before = first
-        first = np.where(connected, first, len(first)).min(axis=1, initial=len(first))
-    return tuple(np.flatnonzero(first == block) for block in np.unique(first))
+    links = np.abs(basis @ basis.T) > SOLVED_ROUND_OFF * np.outer(lengths, lengths)
+    return tuple(connected(links))
 
 
 def base_columns(size: int, dependent: IntArray) -> IntArray:

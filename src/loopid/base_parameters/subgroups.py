@@ -25,7 +25,7 @@ from loopid.base_parameters.choice import (
     SearchOptions,
     SearchResult,
     SearchStrategy,
-    condition_numbers,
+    largest_over_least,
 )
 from loopid.base_parameters.rank import pivots
 from loopid.errors import OptionError
@@ -154,8 +154,7 @@ class SubgroupSearch(SearchStrategy):
     def _judge(self, V22: FloatArray) -> tuple[FloatArray, BoolArray, IntArray]:
         """Condition numbers of choices (c, d, d), who has full rank, and the order, worst last."""
         values = np.linalg.svd(V22, compute_uv=False)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            conditions = np.where(values[:, -1] > 0, values[:, 0] / values[:, -1], np.inf)
+        conditions = largest_over_least(np.asarray(values))
         if self.variant == "pseudocode":
             # The numerical rank of MATLAB and NumPy.
             full_rank = values[:, -1] > V22.shape[1] * np.finfo(float).eps * values[:, 0]
@@ -173,12 +172,7 @@ class SubgroupSearch(SearchStrategy):
         """The least value of the criterion, and which valid choice has it first."""
         if len(valid) == 0:
             return np.inf, None
-        selections = choices[valid]
-        if problem.criterion == "regressor":
-            is_base = np.ones((len(valid), problem.size), dtype=bool)
-            np.put_along_axis(is_base, selections, False, axis=1)
-            selections = np.nonzero(is_base)[1].reshape(len(valid), -1)
-        values = condition_numbers(problem.vectors[selections])
+        values = problem.condition_numbers(choices[valid])
         if self.variant == "gap":
             values = 10.0 ** np.log10(values).round(DIGITS)
         first = int(values.argmin())

@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, NotNegative, Positive, checked, finite
+from loopid.arguments import BoolArray, FloatArray, NotNegative, Positive, checked, finite, shaped
 from loopid.control.online import ChangeDetector, RecursiveLeastSquares
 from loopid.errors import DataError, OptionError
 from loopid.regressors.dynamics import Dynamics
@@ -147,16 +147,9 @@ class PID:
 
 def _apart(what: str, signals: Signals, reference: Reference) -> FloatArray:
     """The error (dof,) of positions or velocities."""
-    required = finite(getattr(reference, what), f"{what} of the reference")
     measured = finite(getattr(signals, what), f"{what} of the signals")
-    if required.shape != measured.shape:
-        raise DataError(
-            f"{what} of the reference must have shape {measured.shape} as of the signals, not "
-            f"{required.shape}",
-            argument="reference",
-            given=required.shape,
-        )
-    return required - measured
+    required = getattr(reference, what)
+    return shaped(required, f"{what} of the reference", *measured.shape) - measured
 
 
 @checked

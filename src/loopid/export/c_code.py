@@ -17,8 +17,6 @@ from loopid.arguments import FloatArray, checked, shaped
 from loopid.errors import OptionError, optional
 from loopid.files import write_files
 from loopid.identification.force_models import ForceModel
-from loopid.identification.plausibility import require_fit_for_use
-from loopid.identification.result import Fit
 from loopid.kinematics.assembly import CONTRACTION, LONGEST_STEP, USUAL
 from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.projection import NEAR_SINGULARITY
@@ -116,14 +114,6 @@ def c_source(
     source = "\n".join([f'#include <string.h>\n#include "{chosen}.h"\n', ONE_SIGNATURE, *parts])
     whole = robot.whole(functions, chosen).serialize()
     return CSource(chosen, _filled("robot.h", fields), source, whole)
-
-
-def c_code_of(
-    fit: Fit, folder: str | Path, *, name: str | None = None, anyway: bool = False
-) -> list[Path]:
-    """Write the C source of a fit; see ``Fit.to_c``."""
-    require_fit_for_use(fit, anyway)
-    return c_source(fit.require_model(), name=name, values=fit.values).save(folder)
 
 
 def _identifier(name: str) -> str:

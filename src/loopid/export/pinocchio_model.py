@@ -7,11 +7,11 @@ from math import isnan
 
 import pinocchio as pin
 
-from loopid.arguments import checked
+from loopid.arguments import FloatArray, checked
 from loopid.errors import ModelWarning, warn
 from loopid.export.robot_file import joint_terms, straightened
-from loopid.identification.plausibility import require_fit_for_use
-from loopid.identification.result import Fit
+from loopid.identification.force_models import ForceModel
+from loopid.identification.quality import MotorUse
 from loopid.loading.pinocchio_robot import MODEL_FIELDS
 from loopid.robot.robot import Robot, shortened
 
@@ -53,13 +53,11 @@ def to_pinocchio(robot: Robot) -> tuple[pin.Model, pin.StdVec_RigidConstraintMod
 
 
 def pinocchio_of(
-    fit: Fit, *, anyway: bool = False
+    model: ForceModel, values: FloatArray, use: MotorUse | None
 ) -> tuple[pin.Model, pin.StdVec_RigidConstraintModel]:
     """Pinocchio's objects with the bodies and friction of a fit; see ``Fit.to_pinocchio``."""
-    require_fit_for_use(fit, anyway)
-    model, values = fit.require_model(), fit.require_bodies()
     count = len(model.robot.parameters(model.model))
-    terms, nearest = straightened(joint_terms(model.base.parameters, values), fit.use)
+    terms, nearest = straightened(joint_terms(model.base.parameters, values), use)
     if nearest:
         warn(f"joint terms of Pinocchio's model: {'; '.join(nearest)}", ModelWarning)
     robot = model.robot

@@ -21,9 +21,7 @@ from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, FileError, ModelWarning, OptionError, RobotFileError, warn
 from loopid.files import write_files
 from loopid.identification.friction_curves import nearest_line
-from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.quality import MotorUse
-from loopid.identification.result import Fit
 from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
 from loopid.loading.closure import with_more
 from loopid.loading.files import YAML, RobotFiles, files_of
@@ -67,7 +65,7 @@ def updated_robot_file(
     files = files_of(robot)
     _require_editable(files.tree)
     file = editable_files[files.tree.suffix](files.tree)
-    rows = _body_parameters(robot, standard_parameters, parameters)
+    rows = body_parameters(robot, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
     links = {link: inertial.P for link, inertial in file.inertials.items()}
     for body, row in zip(robot.bodies, rows, strict=True):
@@ -161,22 +159,6 @@ def _given_in_python(robot: Robot, files: RobotFiles, tree: str) -> str:
     return yaml_text(given.model_dump(mode="json", exclude_defaults=True))
 
 
-def robot_file_of(
-    fit: Fit, path: str | Path, *, overwrite: bool = False, anyway: bool = False
-) -> Path:
-    """Write the robot file of a fit; see ``Fit.to_robot_file``."""
-    require_fit_for_use(fit, anyway)
-    model = fit.require_model()
-    return export_robot_file(
-        model.robot,
-        fit.require_bodies(),
-        path,
-        overwrite=overwrite,
-        parameters=model.base.parameters,
-        use=fit.use,
-    )
-
-
 def _updated_links(
     robot: Robot, body: Body, links: Mapping[str, FloatArray], row: FloatArray
 ) -> dict[str, FloatArray]:
@@ -215,7 +197,7 @@ def _updated_links(
     return changed
 
 
-def _body_parameters(
+def body_parameters(
     robot: Robot, standard_parameters: FloatArray, parameters: ParameterSet | None
 ) -> FloatArray:
     """Parameters (bodies, 10), or (bodies, 4) of a gravity model, those of tied links repeated."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 import pinocchio as pin
 from lxml import etree
@@ -13,10 +13,10 @@ from loopid.loading import xml_elements as xml
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
 from loopid.loading.urdf_tree import UrdfFile
-from loopid.robot.robot import LeftOut, shortened
+from loopid.robot.robot import LeftOut
 
-DETACHABLE = re.compile("detachable_?-?joint", re.IGNORECASE)
-CLOSING_PLUGIN = re.compile("closed_?loop|attach_links")
+# What names and files of plugins that close loops hold.
+CLOSING_PLUGIN = re.compile("closed_?loop|attach_links|detachable_?-?joint", re.IGNORECASE)
 WEIGHTLESS = {"turnGravityOff": ("true", "1"), "gravity": ("false", "0")}  # what each must say
 SLOWING = ("dampingFactor", "velocity_decay")
 
@@ -37,38 +37,16 @@ def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
         left_out += [
             LeftOut(f"<{xml.local_name(tag)}>") for tag in xml.inner_tags(extension, SLOWING)
         ]
-    notes = _unread_plugins(urdf)
+    followers = {joint.name for joint in urdf.joints if joint.mimic is not None}
+    notes = (*unread_plugins(urdf.root.iterfind("gazebo//plugin"), followers),)
     return Dialect(_loops(urdf, model), joint_terms=terms, left_out=left_out, notes=notes)
-
-
-def detachable_joints(root: xml.Element) -> Iterator[tuple[xml.Element, str, str, str]]:
-    """Plugins that hold two links together as drawn: the tag, a link, a model and its link."""
-    for plugin in root.iter("plugin"):
-        if DETACHABLE.search(plugin.get("filename", "") + plugin.get("name", "")):
-            tags = ("parent_link", "child_model", "child_link")
-            link, model, other = (xml.text_at(plugin, tag) for tag in tags)
-            yield plugin, link, model, other
-
-
-def _welds(urdf: UrdfFile) -> Iterator[xml.Element]:
-    """Gazebo's DetachableJoint between links of the robot, as a fixed joint."""
-    for _, parent, owner, link in detachable_joints(urdf.root):
-        if _is_own(urdf, owner):
-            joint = etree.Element("DetachableJoint", name=f"{parent}_{link}", type="fixed")
-            for side, name in (("parent", parent), ("child", link)):
-                etree.SubElement(joint, side).text = name
-            yield joint
-
-
-def _is_own(urdf: UrdfFile, owner: str) -> bool:
-    return owner in ("", "__model__", urdf.name)
 
 
 def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
     """Closures of joints, placed in their child as the file is drawn."""
     closures, data = [], model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    for element in (*urdf.root.findall("gazebo/joint"), *_welds(urdf)):
+    for element in urdf.root.findall("gazebo/joint"):
         parent = xml.content(element, "parent")
         if parent == "world" and all(link.name != "world" for link in urdf.links):
             continue  # a mount, which a URDF has anyway
@@ -83,24 +61,11 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
     return closures
 
 
-def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
-    """Sentences about plugins that couple joints, or close loops, which no tag shows."""
-    followers = {j.name for j in urdf.joints if j.mimic is not None}
-    mimicking, closing = dict[str, list[str]](), dict[str, None]()
-    for plugin in urdf.root.iterfind("gazebo//plugin"):
+def unread_plugins(plugins: Iterable[xml.Element], followers: Collection[str]) -> Iterator[str]:
+    """Sentences about plugins that close loops, or let others than the ``followers`` follow."""
+    for plugin in plugins:
         file, follower = plugin.get("filename", ""), xml.text_at(plugin, "mimicJoint")
         if follower and follower not in followers:
-            mimicking.setdefault(file, []).append(follower)
-        elif CLOSING_PLUGIN.search(file):
-            closing[file] = None
-    advice = {file: f"give a <mimic> to {shortened(joints)}" for file, joints in mimicking.items()}
-    advice |= dict.fromkeys(closing, "write its closure into a YAML beside it")
-    owners = dict.fromkeys(owner for _, _, owner, _ in detachable_joints(urdf.root))
-    return (
-        *(
-            f"a DetachableJoint holds another model, {shown(owner)}: it is not read"
-            for owner in owners
-            if not _is_own(urdf, owner)
-        ),
-        *(f"plugin {shown(file)} is not read: {do}" for file, do in advice.items()),
-    )
+            yield f"plugin {shown(file)} is not read: give a <mimic> to {follower}"
+        elif CLOSING_PLUGIN.search(file + plugin.get("name", "")):
+            yield f"plugin {shown(file)} is not read: write its closure into a YAML beside it"

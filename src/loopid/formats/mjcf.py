@@ -285,19 +285,14 @@ def _coupling(lengths: Lengths, equality: int) -> ClosureDescription:
     with np.errstate(all="ignore"):
         curve = Polynomial(data[:5] if x else data[:1])(Polynomial([-x0, 1.0])).coef.tolist()
     curve[0] += y0
-    constant, slope, *powers = [*curve, 0.0][: max(2, len(curve))]
-    joints = dict(y)
-    for joint, factor in x.items() if not any(powers) else ():
-        joints[joint] = joints.get(joint, 0.0) - slope * factor
-    if not np.isfinite([*curve, *joints.values()]).all():
+    joints, of = ({name: c for name, c in terms.items() if c != 0} for terms in (y, x))
+    if not np.isfinite([*curve, *joints.values(), *of.values()]).all():
         raise ValueError("has coefficients that are too large")
-    named, of = ({name: c for name, c in terms.items() if c != 0} for terms in (joints, x))
-    if not named:
+    if not joints:
         raise ValueError("couples no joint")
+    content = {"of": of, "polynomial": curve} if of else {"offset": curve[0]}
     name = scene.equalities[equality] or None
-    if not any(powers):
-        return ClosureDescription(type="coupling", name=name, joints=named, offset=constant)
-    return ClosureDescription(type="coupling", name=name, joints=named, of=of, polynomial=curve)
+    return ClosureDescription(type="coupling", name=name, joints=joints, **content)
 
 
 # Tendons.

@@ -19,10 +19,9 @@ from lxml import etree
 
 from loopid.arguments import FloatArray, number
 from loopid.errors import OptionError, RobotFileError, naming, shown
-from loopid.formats.gazebo import detachable_joints
+from loopid.formats.gazebo import unread_plugins
 from loopid.inertia import written
 from loopid.loading import xml_elements as xml
-from loopid.loading.description import ClosureDescription
 from loopid.loading.tree import Reference, TreeSource, add_frame
 from loopid.loading.urdf import read_urdf
 from loopid.loading.urdf_tree import MOMENTS, ROOT_JOINT
@@ -39,7 +38,6 @@ CLOSING |= {"ball": "ball", "universal": "universal"}
 DYNAMICS = ("damping", "friction", "spring_stiffness", "spring_reference")
 UNLIMITED = 1e16  # SDF's own number for it
 AXES_OF_JOINTS = (1, 5)  # the version that put axes into the frames of joints
-PARALLEL = 1e-6  # sine of the angle between the axes of a gear and of the joint that it turns
 CONTROLLER = re.compile("joint.*(control|trajectory)", re.IGNORECASE)
 
 
@@ -63,7 +61,7 @@ def read_sdf(
 
 
 def _completed(sdf: _Sdf, source: TreeSource, floats: bool) -> TreeSource:
-    """What a URDF cannot say: frames of links, balls, gears, motors, where the base is."""
+    """What a URDF cannot say: frames of links, balls, motors, where the base is."""
     model = source.model
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY and frame.name in sdf.moved:
@@ -82,7 +80,6 @@ def _completed(sdf: _Sdf, source: TreeSource, floats: bool) -> TreeSource:
         reference[ROOT_JOINT] = pin.SE3ToXYZQUAT(sdf.links[sdf.root_link]).tolist()
     description = source.description.model_copy(
         update={
-            "closures": [*source.description.closures, *sdf.gears()],
             "name_mot": motors or None,
             "joint_name": balls,
             "joint_type": ["SPHERICAL"] * len(balls),
@@ -125,7 +122,6 @@ class _Sdf:
         if (text := root.findtext("world/gravity")) is not None:
             self.gravity = np.array(xml.numbers_in("<gravity>", text, 3))
         # Elements that have a place, each with the scope of its name; models by "scope__model__".
-        self.held: list[str] = []  # other models, by DetachableJoint
         self.placed: dict[str, tuple[xml.Element, str]] = {}
         self._collect(self.model, "")
         self.places: dict[str, pin.SE3] = {}
@@ -141,9 +137,7 @@ class _Sdf:
             for name, (element, scope) in self.placed.items()
             if element.tag == "joint"
         ]
-        edges += self._attached()
-        self.geared = [edge for edge in edges if edge.kind == "gearbox"]
-        self.tree, self.closing = self._spread([e for e in edges if e.kind != "gearbox"])
+        self.tree, self.closing = self._spread(edges)
         # Placement of a link's frame in the tree, as seen from the link itself.
         self.moved = {edge.led[1]: self._moved(edge) for edge in self.tree}
 
@@ -234,35 +228,13 @@ class _Sdf:
     def _edge(self, name: str, element: xml.Element, scope: str) -> _Edge:
         kind = element.get("type", "").strip()
         with naming(xml.label(element)):
-            known = (*IN_TREE, *TWO_AXES, "gearbox")
-            RobotFileError.require("type", kind, known)
+            RobotFileError.require("type", kind, (*IN_TREE, *TWO_AXES))
             parent, carried = (
                 self.carrier(scope, xml.content(element, side)) for side in ("parent", "child")
             )
             if parent == carried:
                 raise RobotFileError(f"link {parent!r} is at both its ends")
         return _Edge(element, scope, name, kind, (parent, carried))
-
-    def _attached(self) -> Iterator[_Edge]:
-        """Links that Gazebo's DetachableJoint holds together, as drawn."""
-        for plugin, parent, owner, link in detachable_joints(self.model):
-            models = [each.get("name", "") for each in plugin.iterancestors("model")]
-            scope = "".join(f"{name}::" for name in models[-2::-1])
-            if owner == models[0] or owner in ("", MODEL):
-                inside = scope
-            elif f"{scope}{owner}::{MODEL}" in self.placed:
-                inside = f"{scope}{owner}::"
-            else:
-                self.held.append(owner)
-                continue
-            joint = etree.Element("joint", name=f"{parent}_{link}", type="fixed")
-            etree.SubElement(joint, "parent").text = scope + parent
-            etree.SubElement(joint, "child").text = inside + link
-            with naming("DetachableJoint"):
-                if joint.get("name") in self.placed:
-                    raise RobotFileError(f"another element has the name {joint.get('name')!r}")
-                self.placed[xml.required(joint, "name")] = joint, ""
-                yield self._edge(xml.required(joint, "name"), joint, "")
 
     def _spread(self, edges: list[_Edge]) -> tuple[list[_Edge], list[_Edge]]:
         """Joints of the tree, and those that close its loops.
@@ -463,35 +435,6 @@ class _Sdf:
             if edge.kind in TWO_AXES:
                 yield f"{edge.name}_2", _axis_element(edge.element, "axis2")
 
-    def gears(self) -> Iterator[ClosureDescription]:
-        """Couplings of gearboxes: the angle of the child is -ratio times that of the parent.
-
-        Both are angles from the reference body, about the first and the second axis.
-        """
-        for edge in self.geared:
-            with naming(xml.label(edge.element)):
-                body = xml.content(edge.element, "gearbox_reference_body")
-                reference = self.carrier(edge.scope, body)
-                ratio = float(_text(edge.element, "gearbox_ratio", "1"))
-                angles = (
-                    self._angle(reference, link, self._axis(edge, tag))
-                    for link, tag in zip(edge.ends, ("axis", "axis2"), strict=True)
-                )
-                (first, one), (second, other) = angles
-            joints = {second: other, first: ratio * one}
-            yield ClosureDescription(type="coupling", name=edge.name, joints=joints)
-
-    def _angle(self, reference: str, link: str, axis: FloatArray) -> tuple[str, float]:
-        """The joint that turns a link against another one about an axis, and its sense."""
-        for edge in self.tree:
-            if {*edge.ends} == {reference, link} and edge.kind in ("revolute", "continuous"):
-                own = self._axis(edge)
-                if np.linalg.norm(np.cross(own, axis)) > PARALLEL * np.linalg.norm(own):
-                    raise RobotFileError(f"its axis is not along that of joint {edge.name}")
-                sense = 1.0 if edge.ends[1] == link else -1.0
-                return edge.name, sense * float(np.sign(own @ axis))
-        raise RobotFileError(f"no hinge joins {link!r} to its reference body {reference!r}")
-
     # What is left out.
 
     def left_out(self) -> Iterator[LeftOut]:
@@ -525,8 +468,7 @@ class _Sdf:
             ]
             if missing:
                 yield f"{edge.name} has no <{'>, <'.join(missing)}>: z, as SDF says"
-        for owner in dict.fromkeys(self.held):
-            yield f"a DetachableJoint holds another model, {shown(owner)}: it is not read"
+        yield from unread_plugins(self.model.iter("plugin"), ())
         if self.static:
             yield f"static models are not read: {shortened(self.static)}"
         if bare:

@@ -70,31 +70,19 @@ def fit(
     >>> bool((abs(found.values - truth) < 4 * found.standard_errors).all())
     True
     """
-    found = working_fit(samples, estimator, quiet=False).result
+    found = working_fit(samples, estimator).result
     _warn_of_insignificant(found)
     return found
 
 
-def quiet_fit(
-    samples: FitSamples,
-    estimator: str | Estimator = "wls",
-) -> Fit:
+def quiet_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> Fit:
     """As ``fit``, without warnings."""
     return working_fit(samples, estimator).result
 
 
-def working_fit(
-    samples: FitSamples,
-    estimator: str | Estimator = "wls",
-    *,
-    quiet: bool = True,
-) -> WorkingFit:
-    """As ``fit``, with the least squares that the fit amounts to, and fewer warnings.
-
-    Without any where quiet; of scatter between recordings otherwise.
-    """
-    within = within_runs(chosen_estimator(estimator).fit_samples(samples))
-    return with_scatter(within, quiet=quiet)
+def working_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> WorkingFit:
+    """As ``fit``, with the least squares that the fit amounts to, and without warnings."""
+    return with_scatter(within_runs(chosen_estimator(estimator).fit_samples(samples)))
 
 
 def _warn_of_insignificant(result: Fit) -> None:
@@ -174,12 +162,12 @@ def fit_in_steps(
     free = [j for j in range(len(second.parameters)) if j not in held]
     if not free:
         raise OptionError("all parameters of the second step are known: nothing is left to fit")
-    start = working_fit(first, estimator, quiet=False).result
+    start = working_fit(first, estimator).result
     taken = [start.parameters.labels.index(name) for name in known]
     spread = start.covariance[np.ix_(taken, taken)]
     values = np.zeros(len(second.parameters))
     values[held] = start.values[taken]
-    fitted = working_fit(second.reduced(free, values), estimator, quiet=False)
+    fitted = working_fit(second.reduced(free, values), estimator)
     rest = fitted.result
     values[free] = rest.values
     # Errors of the known parameters move the others by -(X₂ᵀX₂)⁻¹ X₂ᵀF, F their columns.

@@ -14,7 +14,7 @@ from loopid.files import require_ending, require_other_file, write_file
 from loopid.identification.data import recordings_of, require_some
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
-from loopid.identification.plausibility import require_sane
+from loopid.identification.plausibility import require_fit_for_use, require_sane
 from loopid.identification.prediction import Prediction, predicted
 from loopid.identification.quality import Quality
 from loopid.identification.saved import ENDINGS, FitFile, as_file
@@ -308,7 +308,11 @@ class Fit(Estimates):
         ModelWarning
             Of joint terms that the file has no place for.
         """
-        found: Path = fit_exports["robot file"](self, path, overwrite=overwrite, anyway=anyway)
+        require_fit_for_use(self, anyway)
+        model, bodies = self.require_model(), self.require_bodies()
+        what = {"parameters": model.base.parameters, "use": self.use}
+        export = fit_exports["robot file"]
+        found: Path = export(model.robot, bodies, path, overwrite=overwrite, **what)
         return found
 
     def to_c(
@@ -337,7 +341,9 @@ class Fit(Estimates):
         OptionError, FileError
             As ``save``, and when a joint has no symbolic form.
         """
-        found: list[Path] = fit_exports["C source"](self, folder, name=name, anyway=anyway)
+        require_fit_for_use(self, anyway)
+        source = fit_exports["C source"](self.require_model(), name=name, values=self.values)
+        found: list[Path] = source.save(folder)
         return found
 
     def to_pinocchio(self, *, anyway: bool = False) -> tuple[Any, Any]:
@@ -358,7 +364,9 @@ class Fit(Estimates):
         OptionError
             Naming a closure that Pinocchio has no contact for; when the fit is not fit for use.
         """
-        found: tuple[Any, Any] = fit_exports["Pinocchio"](self, anyway=anyway)
+        require_fit_for_use(self, anyway)
+        model, bodies = self.require_model(), self.require_bodies()
+        found: tuple[Any, Any] = fit_exports["Pinocchio"](model, bodies, self.use)
         return found
 
 

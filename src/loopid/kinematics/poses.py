@@ -278,11 +278,6 @@ class Tree:
 
     def __init__(self, model: pin.Model) -> None:
         self.model, self._memory = model, Memory(model)
-        # Whether each subtree has joints that follow each other, as Pinocchio's CRBA takes for
-        # granted; a model made in Python need not.
-        self.depth_first = all(
-            model.parents[k] in model.supports[k - 1].tolist() for k in range(2, model.njoints)
-        )
 
     def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Joint forces (N, k, nv) at configurations (N, nq), for k motions (N, k, nv) of each."""
@@ -291,21 +286,6 @@ class Tree:
             for k in range(len(out)):
                 out[k] = pin.rnea(model, data, configuration, rates[k], accelerations[k])
         return tau
-
-    def gravity(self, q: FloatArray) -> FloatArray:
-        """Joint forces (N, nv) that hold it at configurations (N, nq)."""
-        model, data, tau = self.model, self._memory.data, np.empty((len(q), self.model.nv))
-        for out, configuration in zip(tau, q, strict=True):
-            out[:] = pin.computeGeneralizedGravity(model, data, configuration)
-        return tau
-
-    def mass_matrices(self, q: FloatArray) -> FloatArray:
-        """Mass matrices (N, nv, nv) at configurations (N, nq) of a ``depth_first`` tree."""
-        nv = self.model.nv
-        M, data = np.empty((len(q), nv, nv)), self._memory.data
-        for out, configuration in zip(M, q, strict=True):
-            out[:] = pin.crba(self.model, data, configuration)
-        return np.asarray(np.triu(M) + np.triu(M, 1).swapaxes(1, 2))
 
     def reactions(
         self, q: FloatArray, v: FloatArray, a: FloatArray, joints: Sequence[int]

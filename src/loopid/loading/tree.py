@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import LARGEST, FloatArray, checked_outside, finite, shaped
+from loopid.arguments import LARGEST, FloatArray, checked_outside, finite, number, shaped
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import Description
 from loopid.loading.model_closures import ROUNDED, frame_named, joint_named
@@ -165,17 +165,14 @@ def _named_values(
     values: dict[str, float] = {}
     names = []
     for text in given:
-        name, sign, number = text.rpartition("=")
+        name, sign, value = text.rpartition("=")
         if not sign or model.existJointName(text):
             names.append(text)
             continue
         names.append(name)
         if not model.existJointName(name):
             continue  # refused as any unknown joint
-        try:
-            values[name] = float(number)
-        except ValueError:
-            values[name] = np.nan
+        values[name] = number(value)
         if model.joints[model.getJointId(name)].nv != 1 or not np.isfinite(values[name]):
             raise OptionError(
                 f"lock {text!r} must be JOINT=VALUE, a joint with one coordinate and a number in "

@@ -126,25 +126,21 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
         if joint.mimic is not None and joint.type != "fixed"
     }
     leaders = {name: leader for name, (leader, _, _) in mimics.items()}
+    single = [name for name, joint in joints.items() if joint.type not in ("fixed", *SEVERAL)]
     for name, leading in leaders.items():
-        what = f"joint {name} mimics {leading!r}"
-        valid = ", ".join(other for other in joints if leaders.get(other) is None)
-        way_out = f": name another joint ({valid}), or take its <mimic> out"
-        if leading not in joints:
-            raise RobotFileError(f"{what}, which is not there{way_out}")
-        if joints[leading].type == "fixed":
-            raise RobotFileError(f"{what}, which is fixed{way_out}")
-        for end in (joints[name], joints[leading]):
-            if end.type in SEVERAL:
+        for end in (name, leading):
+            if end not in single:
+                kind = joints[end].type if end in joints else "not there"
+                valid = ", ".join(other for other in single if other not in leaders)
                 raise RobotFileError(
-                    f"{what}, but {end.name} is {end.type}, with several coordinates: take the "
-                    "<mimic> out"
+                    f"joint {name} mimics {leading!r}, but {end!r} is {kind}, and joints with none "
+                    f"or several coordinates cannot: name another ({valid}), or take the <mimic> "
+                    "out"
                 )
-    for follower in leaders:
-        chain = [follower]
+        chain = [name]
         while chain[-1] in leaders and len(chain) <= len(leaders):
             chain.append(leaders[chain[-1]])
-            if chain[-1] == follower:
+            if chain[-1] == name:
                 circle = " mimics ".join(chain)
                 raise RobotFileError(f"joint {circle}: a circle: take one <mimic> out")
     found = {}

@@ -11,17 +11,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from loopid.arguments import BoolArray, FloatArray, checked
-from loopid.errors import DataWarning, LogError, OptionError, counted, warn
-from loopid.logs.grid import (
-    BAD_ROWS,
-    LEAST_ROWS,
-    Dropped,
-    Stream,
-    continued,
-    off_grid,
-    rows_text,
-    stream_of,
-)
+from loopid.errors import DataWarning, LogError, OptionError, warn
+from loopid.logs.grid import BAD_ROWS, Dropped, Stream, continued, off_grid, rows_text, stream_of
 from loopid.logs.log import Log
 from loopid.logs.signals import POSE
 from loopid.logs.table import NANOSECONDS, QUANTITIES
@@ -89,9 +80,6 @@ def check_log(robot: Robot, log: Log) -> Log:
     """
     if log.checked:
         return log
-    if len(log) < LEAST_ROWS:
-        rows = counted(len(log), "row")
-        raise LogError(f"{log.name} has {rows} of numbers: it takes at least {LEAST_ROWS}")
     _require_even_segments(log)
     given = {name: getattr(log, name) for name in QUANTITIES if getattr(log, name) is not None}
     whole = stream_of(log.name, log.joints, log.time, given, log.slides)

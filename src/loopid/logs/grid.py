@@ -303,9 +303,9 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
     times = [(stream.stamps - zero) / 1e9 for stream in streams]
     step = float(np.median(np.diff(times[0])))
     parts = np.stack([_parts(times[0], own) for own in times])
-    ends = np.flatnonzero((np.diff(parts, axis=1) != 0).any(axis=0)) + 1
-    inside = (parts >= 0).all(axis=0)
-    runs = [times[0][run] for run in np.split(np.arange(len(inside)), ends) if inside[run[0]]]
+    cuts = np.flatnonzero((np.diff(parts, axis=1) != 0).any(axis=0)) + 1
+    every, least = np.arange(len(times[0])), parts.min(axis=0)
+    runs = [times[0][run] for run in np.split(every, cuts) if least[run[0]] >= 0]
     grids = [_grid(run, step) for run in runs if len(run) >= LEAST_ROWS]
     grids = [grid for grid in grids if len(grid) >= LEAST_ROWS]
     if not grids:

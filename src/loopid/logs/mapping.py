@@ -297,16 +297,14 @@ class LogMapping(Section):
             raise OptionError("gains are of joints, which joint_maps make of several motors each")
         if any(each != scales[0] for each in scales[1:]):
             raise OptionError("forces of the logs are in different units: one mapping cannot hold")
-        joints = [*scales[0]]
-        found = {joint: gains.get(joint, 1.0) for joint in joints}
-        content = self.model_dump(exclude_defaults=True, exclude_none=True)
-        content["force_scale"] = {
-            joint: _rounded(found[joint] * scales[0][joint]) for joint in joints
-        }
-        for key in ("force_offset", "saturation"):
-            if key in content:
-                values = zip(joints, self.by_joint("the mapping", key, joints), strict=True)
-                content[key] = {joint: _rounded(found[joint] * value) for joint, value in values}
+        content, joints = self.model_dump(exclude_defaults=True, exclude_none=True), [*scales[0]]
+        values = {"force_scale": [*scales[0].values()]}
+        for more in ("force_offset", "saturation"):
+            if more in content:
+                values[more] = self.by_joint("the mapping", more, joints)
+        for key, own in values.items():  # to digits that a gain is known to, and more
+            pairs = zip(joints, own, strict=True)
+            content[key] = {j: float(f"{gains.get(j, 1.0) * value:.6g}") for j, value in pairs}
         return LogMapping(**content)
 
     @property
@@ -337,11 +335,6 @@ class LogMapping(Section):
                 valid=tuple(joints),
             )
         return [given.get(joint, usual) for joint in joints]
-
-
-def _rounded(value: float) -> float:
-    """To digits that a gain is known to, and more."""
-    return float(f"{value:.6g}")
 
 
 def mapping_of(given: LogMapping | str | Path | None) -> LogMapping:

@@ -219,13 +219,12 @@ class _Bodies:
             return np.asarray(columns(pose, v, a, self.kind) @ self.values)
         if self.kind == "full":
             return self.tree.inverse_dynamics(pose.configurations, v, a) @ pose.maps
-        held = self.tree.gravity(pose.configurations)[:, None] @ pose.maps
+        rest = np.zeros_like(v[:, :1])
+        held = self.tree.inverse_dynamics(pose.configurations, rest, rest) @ pose.maps
         return np.broadcast_to(held, (*v.shape[:2], held.shape[2]))
 
     def inertia(self, pose: Pose) -> FloatArray:
         """Mass matrices (N, dof, dof)."""
-        if self.tree is not None and self.tree.depth_first:
-            return pose.to_rows @ self.tree.mass_matrices(pose.configurations) @ pose.maps
         # What each acceleration costs.
         a = np.concatenate([0 * pose.to_rows[:, :1], pose.to_rows], axis=1)
         costs = self.forces(pose, np.zeros_like(a), a)

@@ -21,6 +21,7 @@ from loopid.arguments import (
     IntArray,
     Number,
     chosen,
+    connected,
     frozen,
     numbers_of,
     samples,
@@ -735,17 +736,6 @@ def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
             bodies = own[moving[own]]
             ratios[own] /= ratios[bodies if len(bodies) else own].min()
     return ratios
-
-
-def connected(links: BoolArray) -> list[IntArray]:
-    """Groups of things with links (n, n) both ways, also by others, ordered by their first members.
-
-    SciPy's ``connected_components`` is slow to import: up to a tenth of the time of a command.
-    """
-    reached = links | np.eye(len(links), dtype=bool)
-    while (further := 1.0 * reached @ reached > 0).sum() > reached.sum():
-        reached = further
-    return [np.flatnonzero(own) for k, own in enumerate(reached) if not own[:k].any()]
 
 
 def position_of(joint: pin.JointModel, q: FloatArray) -> FloatArray:
