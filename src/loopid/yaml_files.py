@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -19,7 +19,7 @@ from ruamel.yaml.nodes import MappingNode, SequenceNode
 from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 
-from loopid.border import refusal
+from loopid.border import validated
 from loopid.errors import FileError, LoopidError, RobotFileError, shown
 from loopid.files import why_no_file
 
@@ -40,10 +40,7 @@ def read_yaml(
     """Read a YAML file of keys and values as a model; an empty file leaves all keys out."""
     content = load_yaml(path, failure)
     content = {} if content is None else content
-    try:
-        return model.model_validate(content)
-    except ValidationError as error:
-        raise refusal(error, content, path, failure, partial(line_of, path)) from error
+    return validated(model, content, path, failure, partial(line_of, path))
 
 
 def line_of(path: Path, keys: Sequence[Any]) -> int | None:

@@ -153,7 +153,7 @@ OF_LOGS = {
     ),
     "a delay of another motor": (
         names(*NAMES, delay={"crank": 0.01}),
-        "give joints among crank_joint",
+        "choose among crank_joint",
         names(*NAMES, delay={"crank_joint": 0.01}),
     ),
     "positions from another zero": (

@@ -376,7 +376,10 @@ class Log(Tabular):
                 if one.straight is not None
             },
         )
-        return log.delayed(mapping.force_delays(joints))
+        delay = mapping.delay
+        if isinstance(delay, Mapping):  # without those of streams
+            delay = {joint: delay[joint] for joint in joints if joint in delay}
+        return log.delayed(delay)
 
     def _table(self) -> dict[str, FloatArray]:
         """Columns as ``from_frame`` finds them."""

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError,
 
 from loopid.arguments import NotNegative, Positive, checked
 from loopid.border import Section, refusal, unknown
-from loopid.errors import LogError, OptionError, unknown_word
+from loopid.errors import LogError, OptionError
 from loopid.logs.table import COMPONENTS, POSE_PERIOD
 from loopid.registry import log_formats
 from loopid.yaml_files import read_yaml, yaml_text
@@ -261,19 +261,9 @@ class LogMapping(Section):
         """Delays of the time stamps of some streams, in s; not those of joints."""
         given = self.delay if isinstance(self.delay, Mapping) else {}
         for name in given:
-            if name not in (*joints, *streams):
-                raise LogError(
-                    f"{source}: delay of the mapping names {name!r}: give joints among "
-                    f"{', '.join(joints)}, or streams among {', '.join(streams)}",
-                    key="delay",
-                    valid=(*joints, *streams),
-                )
+            what, where = "joint or stream in delay of the mapping", f" of {source}"
+            LogError.require(what, name, (*joints, *streams), where)
         return {name: delay for name, delay in given.items() if name not in joints}
-
-    def force_delays(self, joints: Sequence[str]) -> list[float]:
-        """By how much forces of joints are later than their positions, in s."""
-        given = self.delay
-        return [given.get(j, 0.0) if isinstance(given, Mapping) else given for j in joints]
 
     def with_gains(
         self, gains: Mapping[str, float], scales: Sequence[Mapping[str, float]]
@@ -320,21 +310,14 @@ class LogMapping(Section):
         given = getattr(self, key)
         if not isinstance(given, Mapping):
             return [given] * len(joints)
-        usual = getattr(LogMapping(), key)
-        left_out = {*joints} - {*given} if not key.endswith(("_scale", "_offset")) else ()
-        if wrong := [name for name in given if name not in joints]:
-            what = f"motor in {key} of the mapping"
+        for name in given:
+            LogError.require(f"motor in {key} of the mapping", name, joints, f" of {source}")
+        left_out = [joint for joint in joints if joint not in given]
+        if left_out and not key.endswith(("_scale", "_offset")):
             raise LogError(
-                f"{source}: {unknown_word(what, wrong[0], joints)}", given=wrong[0], key=key
+                f"{source}: {key} of the mapping leaves out {', '.join(left_out)}", key=key
             )
-        for name in sorted(left_out):
-            raise LogError(
-                f"{source}: {key} of the mapping leaves out "
-                f"{name!r}: give the motors {', '.join(joints)}",
-                key=key,
-                valid=tuple(joints),
-            )
-        return [given.get(joint, usual) for joint in joints]
+        return [given.get(joint, getattr(LogMapping(), key)) for joint in joints]
 
 
 def mapping_of(given: LogMapping | str | Path | None) -> LogMapping:

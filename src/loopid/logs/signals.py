@@ -465,13 +465,7 @@ class ColumnFinder:
         """
         if given.stream is None:
             return [self._called(name) for name in given.columns or []]
-        if given.stream not in self.streams:
-            valid = tuple(self.streams)
-            raise self._refused(
-                f"there is no stream {given.stream!r}: choose among {', '.join(valid)}",
-                given=given.stream,
-                valid=valid,
-            )
+        LogError.require("stream", given.stream, self.streams, f" of {self.source}")
         if given.columns is not None:
             return [self._called(f"{given.stream}:{name}") for name in given.columns]
         if not self.ordered:
