@@ -11,7 +11,6 @@ from bank_robots import few_of
 from loopid import FilterOptions, FitOptions, JointTerms, identify, identify_payload, load_fit
 from loopid.errors import DataWarning, LogError
 from loopid.identification import choose_cutoff, split_recordings
-from loopid.identification.cutoff import sections
 from loopid.identification.fitting import quiet_fit
 from loopid.logs import Log
 from loopid.logs.preparing import motion_band
@@ -314,17 +313,3 @@ def test_a_payload_is_found_with_the_filter_that_predicts_best():
     assert len(found.base.terms[k]) == 1
     assert low < load < high
     assert high - low < load
-
-
-def test_long_logs_are_looked_at_in_sections(monkeypatch):
-    """Of all of the log, with a cut-off that is still open; short logs are looked at whole."""
-    model, _, run = simulated("fourier", 100.0)
-    log = log_of(model, run, STEP, NOISE)
-    recording = loopid.prepare(model.robot, log)
-    assert sections(model.robot, recording) is recording
-    monkeypatch.setattr("loopid.identification.cutoff.LONGEST", len(log) // 2)
-    part = sections(model.robot, recording)
-    assert len(part.log) == pytest.approx(len(log) / 2, abs=5)
-    assert part.open_cutoff
-    assert np.isin(part.log.time, log.time).all()
-    assert np.ptp(part.motion.time) > 0.8 * np.ptp(recording.motion.time)

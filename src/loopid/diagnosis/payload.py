@@ -288,7 +288,7 @@ def identify_payload(
     if chosen.name == "wls":
         runs, working = _with_the_file(runs, base)
     else:
-        working = working_fit(_samples(runs, base), chosen, quiet=False)
+        working = working_fit(_samples(runs, base), chosen)
     standard, result = _solid(runs, base, working.result)
     motors = _by_motor(runs, base, result, chosen)
     if motors is not None and motors.spread:

@@ -65,7 +65,7 @@ def updated_robot_file(
     files = files_of(robot)
     _require_editable(files.tree)
     file = editable_files[files.tree.suffix](files.tree)
-    rows = _body_parameters(robot, standard_parameters, parameters)
+    rows = body_parameters(robot, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
     links = {link: inertial.P for link, inertial in file.inertials.items()}
     for body, row in zip(robot.bodies, rows, strict=True):
@@ -197,13 +197,18 @@ def _updated_links(
     return changed
 
 
-def _body_parameters(
+def body_parameters(
     robot: Robot, standard_parameters: FloatArray, parameters: ParameterSet | None
 ) -> FloatArray:
     """Parameters (bodies, 10), or (bodies, 4) of a gravity model, those of tied links repeated."""
     values, every = finite(standard_parameters, "standard parameters"), robot.parameters()
     if parameters is None:
         parameters = every if len(values) == len(every) else robot.parameters("gravity")
+    if values.shape != (len(parameters),):
+        raise DataError(
+            f"standard parameters must have shape ({len(parameters)},), not {values.shape}: give "
+            "their names where joint terms are among them"
+        )
     known = dict(zip(parameters.labels, values.tolist(), strict=True))
     model = "full" if known.keys() >= {*every.labels} else "gravity"
     own = np.array([known[label] for label in robot.parameters(model).labels])

@@ -316,9 +316,7 @@ def residual_noise(samples: FitSamples, values: FloatArray, fitted: float) -> No
 
 
 def _noise_model(
-    problem: FitProblem,
-    models: dict[int, tuple[Autoregression, float, float]],
-    weights: FloatArray,
+    problem: FitProblem, models: dict[int, tuple[Autoregression, float, float]], weights: FloatArray
 ) -> NoiseModel:
     """Of models and effective samples by actuator, of errors that weights (dof,) multiply."""
     dof, order = len(weights), max((model.order for model, *_ in models.values()), default=0)

@@ -21,10 +21,9 @@ from loopid.findings import Finding, WithFindings
 from loopid.identification.estimator import nearest_to_file
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.logs.preparing import at_cutoff, motion_band, quietly_prepared
-from loopid.logs.recording import OVERSAMPLING, FilterOptions, Recording
+from loopid.logs.preparing import at_cutoff, motion_band
+from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.records import record
-from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
 STEP = 1.4  # from one cut-off to the next, half an octave: estimates change little over it
@@ -43,8 +42,6 @@ LOWER = 2.0
 GROWTH, BEYOND = 10.0, 4.0  # looked at from this many bands of the motion on
 # Of the motors' errors: where predictions change by more up to the last, motion is lost.
 CLEAR = 1.0
-# Samples of a log that are looked at, minutes at 1 kHz, and in how many sections.
-LONGEST, SECTIONS = 200_000, 5
 
 
 @record
@@ -106,10 +103,7 @@ BOUNDS = {
 
 @checked
 def choose_cutoff(
-    force_model: ForceModel,
-    recordings: Sequence[Recording],
-    *,
-    n_jobs: int = 1,
+    force_model: ForceModel, recordings: Sequence[Recording], *, n_jobs: int = 1
 ) -> CutoffChoice | None:
     """Choose the cut-off around which estimates change least.
 
@@ -165,7 +159,6 @@ def cutoff_and_samples(
     steps = int(np.log(last / max(first, shortest)) / np.log(STEP))
     tried, changes, values = list[float](), list[float](), force_model.prior
     kept = dict[float, Sampled]()  # the best so far, and the last
-    open_ones = [sections(force_model.robot, run) for run in open_ones]
     with one_blas_thread():
         judge = _fitted(force_model, open_ones, n_jobs)
         if judge is None:
@@ -179,7 +172,8 @@ def cutoff_and_samples(
                 moved = np.linalg.norm(seen @ (found.values - values))
                 changes.append(float(moved / np.sqrt(judge.problem.rows)))
             tried, values = [*tried, cutoff], found.values
-            best = tried[_middle(_chosen(changes, bounded=False))]
+            ties = _chosen(changes, bounded=False)
+            best = tried[ties[len(ties) // 2]]
             kept = {each: kept[each] for each in (best,) if each in kept}
             if found.sampled is not None:
                 kept[cutoff] = found.sampled
@@ -188,7 +182,7 @@ def cutoff_and_samples(
     if not tried:
         return None, None
     ties = _chosen(changes, bounded=tried[-1] == limit)
-    chosen = _middle(ties)
+    chosen = int(ties[len(ties) // 2])  # those around it are as good
     lowest = "length" if shortest > first else "lowest"
     still = tried[chosen] == limit and bool(changes) and changes[-1] > CLEAR
     low = chosen <= 1 < len(changes)
@@ -196,11 +190,6 @@ def cutoff_and_samples(
     cutoffs = np.array(tried)
     choice = CutoffChoice(cutoffs, np.array(changes), tried[chosen], bound, cutoffs[ties])
     return choice, kept.get(choice.chosen) if open_ones == [*recordings] else None
-
-
-def _middle(ties: IntArray) -> int:
-    """The one of those equally good that is taken."""
-    return int(ties[len(ties) // 2])
 
 
 def _chosen(changes: Sequence[float], *, bounded: bool) -> IntArray:
@@ -218,20 +207,6 @@ def _chosen(changes: Sequence[float], *, bounded: bool) -> IntArray:
     small = worse <= TIE * worse[least]
     larger_before = np.cumsum(~small)
     return np.flatnonzero(small & (larger_before == larger_before[least]))
-
-
-def sections(robot: Robot, recording: Recording) -> Recording:
-    """A long recording in sections of its log, evenly spread: they show as well what is lost."""
-    log = recording.log
-    if log is None or len(log) <= LONGEST:
-        return recording
-    period = len(log) / SECTIONS
-    kept = np.arange(len(log)) % period < LONGEST / SECTIONS
-    options = recording.filter or FilterOptions()
-    try:
-        return quietly_prepared(robot, recording, log.select(kept), options).within(recording)
-    except LoopidError:
-        return recording
 
 
 class Sampled(NamedTuple):

@@ -69,9 +69,9 @@ class Undone(NamedTuple):
     missing: tuple[int, ...] = ()
 
 
-# What a motion depends on, and with the order of the forces a table.
+# What a motion depends on, and with the order of the forces and the time axis a table.
 Motion = tuple[tuple[float, ...], tuple[float, ...], tuple[int, ...]]
-Pose = tuple[tuple[float, ...], tuple[float, ...], tuple[int, ...], tuple[int, ...]]
+Pose = tuple[*Motion, tuple[int, ...], tuple[float, ...]]
 
 
 class Explanation(NamedTuple):
@@ -87,35 +87,25 @@ class Explanation(NamedTuple):
 
 
 class _Table(NamedTuple):
-    """Columns of d motors: what explains at rest, what rates add to it, the force.
+    """Columns of d motors: what explains, what is known, and the force.
 
-    What explains are offsets, bodies and joint terms by standard deviation, forces over position
-    that the file may lack, and what is known.
+    What explains are offsets, bodies and joint terms by standard deviation, and forces over
+    position that the file may lack.
     """
 
-    columns: FloatArray  # (d, N, 2 n + 3), less what is the drive's own; zero where nothing is used
-    counts: IntArray  # (d,), samples that are used
-    friction: FloatArray  # (d, 2, 2 n + 3), the columns along two directions of the friction
+    columns: FloatArray  # (d, N, n + 2), less what is the drive's own; zero where nothing is used
+    products: FloatArray  # (d, n + 2, n + 2), mean ones of these
+    friction: FloatArray  # (d, 2, n + 2), mean columns along two directions of the friction
     power: FloatArray  # (d, 2), mean power of these
     ends: FloatArray  # (d, 2, 2), friction when slow and when fast, by what there is along these
     known: bool  # whether the loops close, with enough samples; else all are zero
-
-
-def _on_axis(columns: FloatArray, time: tuple[float, ...]) -> FloatArray:
-    """Columns (d, N, n + 2) with rates on the right time axis: what explains, and the force."""
-    n = columns.shape[2] // 2
-    explained = columns[:, :, :n] + np.square(time)[:, None, None] * columns[:, :, n:-1]
-    return np.concatenate([explained, columns[:, :, -1:]], axis=2)
 
 
 class Evidence:
     """The samples of a log, and what explains them."""
 
     def __init__(
-        self,
-        robot: Robot,
-        recordings: Sequence[Recording],
-        joint_terms: JointTerms | None,
+        self, robot: Robot, recordings: Sequence[Recording], joint_terms: JointTerms | None
     ) -> None:
         self.robot, self.joint_terms = robot, joint_terms
         self.names, d = recordings[0].actuators, len(recordings[0].actuators)
@@ -141,14 +131,9 @@ class Evidence:
         self.recorded = Undone(ones, ones, ones, own, own, (0.0,) * d)
         self.independent = np.zeros(d)  # samples of each
         self.independent[self.present] = LEAST_INDEPENDENT
-        self._forget()
-        self._choose_columns()
-
-    def _forget(self) -> None:
-        """Nothing is known of the samples yet."""
         self._motions: dict[Motion, tuple[FloatArray, FloatArray, BoolArray]] = {}
         self._tables: dict[Pose, _Table] = {}
-        self._known_products: dict[tuple[Pose, tuple[float, ...]], FloatArray] = {}
+        self._choose_columns()
 
     def _samples(self, recording: Recording, most: int) -> list[Any]:
         motion, rows = recording.motion, spread_rows(len(recording), most)
@@ -179,8 +164,7 @@ class Evidence:
     def _copy(self, **changes: Any) -> Evidence:
         """A copy with other attributes, which knows no tables yet."""
         other = copy(self)
-        vars(other).update(changes)
-        other._forget()
+        vars(other).update(changes, _motions={}, _tables={})
         return other
 
     # Columns that explain forces.
@@ -229,16 +213,15 @@ class Evidence:
         if not new:
             return
         self._add_motions(new)
-        ratio, _, positions, forces = map(np.array, zip(*new, strict=True))
+        ratio, _, positions, forces, time = map(np.array, zip(*new, strict=True))
         order, motors = positions.astype(int), forces.astype(int)
         along = (self._motions[key[:3]] for key in new)
         rest, moving, closed = zip(*along, strict=True)
-        at_rest, moved = np.concatenate(rest), np.concatenate(moving)
-        offsets = np.tile(np.diag(OFFSET * self.expected), (len(at_rest), 1, 1))
+        squares = np.square(time)[:, None, :, None]
+        moved = np.concatenate(np.stack(rest) + squares * np.stack(moving))
+        offsets = np.tile(np.diag(OFFSET * self.expected), (len(moved), 1, 1))
         lacking = self._lacking(self.position[:, order].swapaxes(0, 1), motors)
-        parts_at_rest = offsets, at_rest[:, :, :-1], lacking, at_rest[:, :, -1:]
-        moved_parts = 0 * offsets, moved[:, :, :-1], 0 * lacking, moved[:, :, -1:]
-        table = np.concatenate([*parts_at_rest, *moved_parts], axis=2)
+        table = np.concatenate([offsets, moved[:, :, :-1], lacking, moved[:, :, -1:]], axis=2)
         own = self.rates[:, order].swapaxes(0, 1) * np.sign(ratio)[:, None, :, None]
         parts = zip(new, own, motors, np.split(table, len(new)), closed, strict=True)
         for key, *part in parts:
@@ -304,7 +287,9 @@ class Evidence:
         fastest = np.abs(own[:, :, 1]).max(axis=1)
         rates = np.stack([np.zeros_like(fastest), fastest], axis=1)
         ends = np.stack([rates, np.ones_like(rates)], axis=2) @ np.linalg.pinv(R[:, 1:, 1:])
-        return _Table(columns - Q @ parts, counts, parts[:, 1:], power, ends, known)
+        columns, size = columns - Q @ parts, np.sqrt(counts)[:, None, None]
+        products = columns.swapaxes(1, 2) @ columns / size**2
+        return _Table(columns, products, parts[:, 1:] / size, power, ends * size, known)
 
     # The tests.
 
@@ -363,14 +348,14 @@ class Evidence:
         kept = np.flatnonzero(weight)
         weight, both = weight[kept], kept[:, None]
         gain = np.array([one.gain for one in undone])[:, :, None]
-        whole = [self._products(_pose(one), one.time) for one in undone]
-        products = np.stack([each[:, both, kept] for each in whole]) * np.outer(weight, weight)
+        tables = [self._tables[_pose(one)] for one in undone]
+        products = np.stack([one.products[:, both, kept] for one in tables])
+        products *= np.outer(weight, weight)
         products[:, :, -1] /= gain
         products[:, :, :, -1] /= gain
-        friction = [self._friction(_pose(one), one.time) for one in undone]
-        columns, power, ends = (np.stack(one) for one in zip(*friction, strict=True))
-        columns = columns[..., kept] * weight
+        columns = np.stack([one.friction for one in tables])[..., kept] * weight
         columns[..., -1] /= gain
+        power, ends = np.stack([t.power for t in tables]), np.stack([t.ends for t in tables])
         return kept, products, (columns, power, ends)
 
     def file_gains(self, undone: Undone) -> FloatArray:
@@ -415,23 +400,6 @@ class Evidence:
         weights[-2 - len(others) : -2] = others
         return weights
 
-    def _products(self, pose: Pose, time: tuple[float, ...]) -> FloatArray:
-        """Mean products (d, n + 2, n + 2) of the columns at a pose and on a time axis."""
-        if (pose, time) not in self._known_products:
-            table = self._tables[pose]
-            columns = _on_axis(table.columns, time)
-            found = columns.swapaxes(1, 2) @ columns / table.counts[:, None, None]
-            self._known_products[pose, time] = found
-        return self._known_products[pose, time]
-
-    def _friction(
-        self, pose: Pose, time: tuple[float, ...]
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Columns (d, 2, n + 2) along the friction by the root of the counts, power, and ends."""
-        table = self._tables[pose]
-        size = np.sqrt(table.counts)[:, None, None]
-        return _on_axis(table.friction, time) / size, table.power, table.ends * size
-
     def beside_rivals(self, found: Explanation) -> Explanation:
         """Explained beside each rival that raises the evidence, the likeliest first."""
         d = len(self.names)
@@ -447,7 +415,7 @@ class Evidence:
     def weighed(self, undone: Undone) -> Explanation:
         """Explained with samples that count by how correlated their errors are, from now on."""
         (found,) = self.explained([undone])
-        columns = _on_axis(self._tables[_pose(undone)].columns, undone.time)
+        columns = self._tables[_pose(undone)].columns
         for k in self.present:
             z = np.concatenate([found.values, [1.0, -1.0 / undone.gain[k]]])
             error = (columns[k] @ z)[self.used[:, undone.forces[k]]]
@@ -457,12 +425,12 @@ class Evidence:
 
     def friction_evidence(self, found: Explanation) -> FloatArray:
         """Logarithms (d,) of how much likelier friction that takes in energy makes a log."""
-        columns, power, _ = self._friction(_pose(found.undone), found.undone.time)
+        table = self._tables[_pose(found.undone)]
         gain = np.array(found.undone.gain)
         ends = np.column_stack([np.ones(len(gain)), -1 / gain])
         z = np.column_stack([np.tile(found.values, (len(gain), 1)), ends])
-        given = (columns @ z[:, :, None])[:, :, 0]
-        takes = (given * power).sum(axis=1) < 0
+        given = (table.friction @ z[:, :, None])[:, :, 0]
+        takes = (given * table.power).sum(axis=1) < 0
         return np.asarray(takes * self.independent * (given**2).sum(axis=1) / found.error**2 / 2)
 
     def heavier(self, found: Explanation) -> float:
@@ -505,4 +473,4 @@ class Evidence:
 
 def _pose(undone: Undone) -> Pose:
     """What a table depends on."""
-    return undone.ratio, undone.zero, undone.positions, undone.forces
+    return undone.ratio, undone.zero, undone.positions, undone.forces, undone.time

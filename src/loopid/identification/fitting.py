@@ -70,47 +70,26 @@ def fit(
     >>> bool((abs(found.values - truth) < 4 * found.standard_errors).all())
     True
     """
-    found = working_fit(samples, estimator, quiet=False).result
-    _warn_of_insignificant(found)
+    found = working_fit(samples, estimator).result
+    names = found.insignificant()
+    # Without freedom no interval is finite: the autocorrelation is to blame.
+    if names and found.degrees_of_freedom.max() >= LEAST_FREEDOM:
+        warn(
+            f"{len(names)} of {len(found.values)} parameters are not significantly different from "
+            f"zero: {', '.join(names)}",
+            DataWarning,
+        )
     return found
 
 
-def quiet_fit(
-    samples: FitSamples,
-    estimator: str | Estimator = "wls",
-) -> Fit:
+def quiet_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> Fit:
     """As ``fit``, without warnings."""
     return working_fit(samples, estimator).result
 
 
-def working_fit(
-    samples: FitSamples,
-    estimator: str | Estimator = "wls",
-    *,
-    quiet: bool = True,
-) -> WorkingFit:
-    """As ``fit``, with the least squares that the fit amounts to, and fewer warnings.
-
-    Without any where quiet; of scatter between recordings otherwise.
-    """
-    within = within_runs(chosen_estimator(estimator).fit_samples(samples))
-    return with_scatter(within, quiet=quiet)
-
-
-def _warn_of_insignificant(result: Fit) -> None:
-    """Name, once, the estimates that are not significant."""
-    names = result.insignificant()
-    if not names or result.degrees_of_freedom.max() < LEAST_FREEDOM:
-        return  # without freedom no interval is finite: the autocorrelation is to blame
-    stds = dict(zip(result.parameters.names, result.relative_std, strict=True))
-    listed = ", ".join(
-        f"{name} ({stds[name]:.0f} %)" if np.isfinite(stds[name]) else name for name in names
-    )
-    warn(
-        f"{len(names)} of {len(stds)} parameters are not significantly different from zero, by "
-        f"their relative standard deviation: {listed}",
-        DataWarning,
-    )
+def working_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> WorkingFit:
+    """As ``fit``, with the least squares that the fit amounts to, and without warnings."""
+    return with_scatter(within_runs(chosen_estimator(estimator).fit_samples(samples)))
 
 
 @checked
@@ -174,12 +153,12 @@ def fit_in_steps(
     free = [j for j in range(len(second.parameters)) if j not in held]
     if not free:
         raise OptionError("all parameters of the second step are known: nothing is left to fit")
-    start = working_fit(first, estimator, quiet=False).result
+    start = working_fit(first, estimator).result
     taken = [start.parameters.labels.index(name) for name in known]
     spread = start.covariance[np.ix_(taken, taken)]
     values = np.zeros(len(second.parameters))
     values[held] = start.values[taken]
-    fitted = working_fit(second.reduced(free, values), estimator, quiet=False)
+    fitted = working_fit(second.reduced(free, values), estimator)
     rest = fitted.result
     values[free] = rest.values
     # Errors of the known parameters move the others by -(X₂ᵀX₂)⁻¹ X₂ᵀF, F their columns.

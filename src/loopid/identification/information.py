@@ -174,10 +174,7 @@ def excited_samples(samples: FitSamples, prior: FloatArray, excitation: Excitati
 
 
 def _excited(
-    samples: FitSamples,
-    prior: FloatArray,
-    excitation: Excitation,
-    fit: Callable[[FitSamples], Fit],
+    samples: FitSamples, prior: FloatArray, excitation: Excitation, fit: Callable[[FitSamples], Fit]
 ) -> tuple[Fit, Excitation]:
     """A fit of what the data excite, without the least excited directions until there is one."""
     while True:

@@ -18,10 +18,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtri
 
 from loopid.arguments import FloatArray, IntArray, row_blocks
-from loopid.errors import DataWarning, warn
-from loopid.findings import FALSE_ALARM
 from loopid.identification.estimator import WorkingFit
-from loopid.identification.result import Fit
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -110,7 +107,7 @@ def _beside(G: FloatArray) -> FloatArray:
     return np.asarray((turn[:, kept] / (1.0 - shares[kept])) @ turn[:, kept].T)
 
 
-def with_scatter(found: WorkingFit, *, quiet: bool = True) -> WorkingFit:
+def with_scatter(found: WorkingFit) -> WorkingFit:
     """Of a fit ``within_runs``, what its estimates scatter between recordings and regions included.
 
     Variances of estimates that scatter more are those of the scatter, with its degrees of freedom.
@@ -123,8 +120,6 @@ def with_scatter(found: WorkingFit, *, quiet: bool = True) -> WorkingFit:
             scatter, every = Jackknife.of(found, samples.runs), np.ones(len(found.result.values))
             scatter = replace(scatter, freedom=max(scatter.present - 1, 1) * every)
             between = _at_least(found, scatter, every)
-        if not quiet:
-            _warn_of_runs(between.result, found.result)
         if not samples.regions.any():
             return between
         scatter = Jackknife.of(between, samples.regions)
@@ -141,20 +136,3 @@ def _at_least(found: WorkingFit, scatter: Jackknife, ratio: FloatArray) -> Worki
         covariance=result.covariance * np.outer(scale, scale),
         degrees_of_freedom=np.minimum(result.degrees_of_freedom, freedom),
     )
-
-
-def _warn_of_runs(result: Fit, within: Fit) -> None:
-    """Tell of estimates that clearly vary from recording to recording."""
-    from scipy.special import chdtri  # slow to import
-
-    freedom, chance = result.degrees_of_freedom, FALSE_ALARM / len(result.values)
-    errors = within.standard_errors
-    ratios = result.standard_errors / np.where(errors > 0, errors, np.inf)
-    clear = np.flatnonzero(ratios**2 > chdtri(freedom, chance) / freedom)
-    if len(clear):
-        most = int(clear[np.argmax(ratios[clear])])
-        warn(
-            f"{len(clear)} estimates vary more between recordings than their errors explain, "
-            f"{result.parameters.names[most]} {ratios[most]:.1f} times; intervals allow for it",
-            DataWarning,
-        )

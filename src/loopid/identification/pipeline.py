@@ -561,7 +561,7 @@ def fit_determined(
     """Fit what data determine; the rest keeps the robot file's values (n,), or an error."""
     if not excited.unidentifiable:
         try:
-            return working_fit(data, estimator, quiet=False).result
+            return working_fit(data, estimator).result
         except (DataError, RankError):  # a motor of few rows counts for so much that others do not
             if unidentifiable == "error" or data.problem.freedom < 1:
                 raise

@@ -32,10 +32,7 @@ BINS, CLOSELY = 8, 8
 
 
 def ripple_columns(
-    force_model: ForceModel,
-    data: FitSamples,
-    recordings: Sequence[Recording],
-    weights: FloatArray,
+    force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording], weights: FloatArray
 ) -> tuple[FloatArray, Ripples | None]:
     """Sines and cosines (N, dof, k) over position that motors show beside all that is fitted.
 

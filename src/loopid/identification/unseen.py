@@ -59,10 +59,7 @@ class UnseenErrors:
 
     @classmethod
     def of(
-        cls,
-        candidate: Candidate,
-        new: FitSamples,
-        recordings: Sequence[Recording],
+        cls, candidate: Candidate, new: FitSamples, recordings: Sequence[Recording]
     ) -> UnseenErrors:
         """Of a candidate, whose fit knows its model, on samples of recordings."""
         error, used = new.force - candidate.predicted, new.used

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataError
+from loopid.export.robot_file import body_parameters
 from loopid.identification.result import Fit
 from loopid.inertia import central_moments, centre, pseudo_inertia
 from loopid.records import record
@@ -49,15 +49,5 @@ def body_masses(robot: Robot, parameters: FloatArray | None = None) -> tuple[Bod
 @checked
 def fitted_masses(robot: Robot, fit: Fit) -> tuple[BodyMass, ...]:
     """Where a fit says that the masses are; a DataError for one that does not say it."""
-    model, bodies = fit.require_model(), fit.standard_parameters
-    labels = robot.parameters(model.model).labels
-    known = {} if bodies is None else dict(zip(model.base.parameters.labels, bodies, strict=True))
-    values = np.array([known.get(label, np.nan) for label in labels])
-    if np.isnan(values).any():
-        raise DataError(
-            f"the fit of {fit.robot.name} does not say where the masses of {robot.name} are: "
-            "the recommended fit of the same robot does",
-            robot=fit.robot.name,
-        )
-    tied = robot.tie_indices
-    return body_masses(robot, values.reshape(tied.max() + 1, -1)[tied])
+    model, bodies = fit.model_for(robot, anyway=True), fit.require_bodies()
+    return body_masses(robot, body_parameters(robot, bodies, model.base.parameters))
