@@ -257,10 +257,8 @@ def missing_forces(
 ) -> tuple[MissingForce, ...]:
     """What each motor shows beside a fit of recordings: the likeliest force that is clear, if any.
 
-    Where none is, a spring that is likely, or would not show. Or lengths of the robot file, or a
-    zero, that are off, where that is likelier than any force. The fit is of all parameters of the
-    force model. What is left of the delay is fitted beside: it looks like lengths, and like other
-    motors.
+    Where none is, a spring that is likely, or would not show. Or a length or zero that is off,
+    where that is likelier. What is left of the delay is fitted beside, as it looks like these.
     """
     if fit.result.noise is None:
         return ()

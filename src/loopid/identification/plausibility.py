@@ -40,14 +40,9 @@ SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
 
 def absurdities(fit: Estimates, data: FitSamples) -> tuple[str, ...]:
-    """Laws that a fit of a force model breaks, a sentence each; none for a sane one.
+    """Laws that a fit of a force model breaks (docs/not_fit.md), a sentence each.
 
-    Friction of a motor does not drive, clear of its band, unless forces hold what drives add
-    (``Fit.turning``). Nor is it by a tenth more than the largest force that the motor showed, at
-    any rate up to the fastest of the log. No two joint terms, nor one and the bodies, cancel to
-    less than a hundredth of their size. No joint term is more than all of the motor's force, and no
-    spring more than that and what the bodies of the robot file take, which it may carry. Samples
-    are those that were fitted.
+    Samples are those that were fitted. What a spring carries may be more than the motor's force.
     """
     found = [*_of_friction(fit)]
     for row in range(len(data.actuators)):
