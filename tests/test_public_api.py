@@ -243,7 +243,7 @@ def good(instances):
         **{"level": 0.9, "error": 1e-3, "part": slice(0, 10), "rates": np.ones(1)},
         **dict.fromkeys(("bodies", "standard_parameters"), robot.standard_parameters()),
         **{"matrix": np.zeros((4, len(model.base.parameters))), "weights": fit.weights},
-        **{"offset": np.zeros(1), "sine": np.zeros((1, 1)), "cosine": np.zeros((1, 1))},
+        **{"offset": np.zeros(2), "sine": np.zeros((2, 1)), "cosine": np.zeros((2, 1))},
         **{"fits": {"a": fit}, "searches": [], "log_faults": [], "title": "x", "severity": "note"},
         **dict.fromkeys(("path", "folder"), "missing/file"),
         **{"waypoints": [loopid.motion.Waypoint(np.ones(2), 1.0)], "function": lambda x, rate: x},

@@ -25,7 +25,6 @@ from typing import (
     get_args,
     get_origin,
     get_type_hints,
-    overload,
 )
 
 import numpy as np
@@ -47,6 +46,7 @@ from loopid.errors import DataError, LoopidError, OptionError, counted, shown
 
 P = ParamSpec("P")
 R = TypeVar("R")
+Thing = TypeVar("Thing")
 
 
 def _array(kinds: str, what: str, *, frames: bool = False) -> PlainValidator:
@@ -272,11 +272,7 @@ def for_each(array: ArrayLike, name: str, count: int) -> FloatArray:
 # Arguments of public functions.
 
 
-@overload
-def checked(thing: type[R]) -> type[R]: ...
-@overload
-def checked(thing: Callable[P, R]) -> Callable[P, R]: ...
-def checked(thing: Any) -> Any:
+def checked(thing: Thing) -> Thing:
     """Refuse arguments that are not of the annotated types, among numbers also NaN.
 
     Of a class these are arguments of ``__init__`` and of all public methods. Calls
@@ -289,30 +285,28 @@ def checked(thing: Any) -> Any:
     OptionError
         Naming the argument, what it must be, and what was given.
     """
-    return _with_checks(thing, _checked) if isinstance(thing, type) else _checked(thing)
+    made: Thing = _with_checks(thing, _checked)
+    return made
 
 
 def checked_outside(thing: type[R]) -> type[R]:
     """The same of results: those that loopid makes are not looked at, and may be infinite."""
-    return _with_checks(thing, _checked, result=True)
+    made: type[R] = _with_checks(thing, _checked, result=True)
+    return made
 
 
-@overload
-def checked_late(thing: type[R]) -> type[R]: ...
-@overload
-def checked_late(thing: Callable[P, R]) -> Callable[P, R]: ...
-def checked_late(thing: Any) -> Any:
+def checked_late(thing: Thing) -> Thing:
     """The same of what is called once a sample, as a class's methods: they are so where these fail.
 
     Such methods look at their arrays themselves, before they change anything.
     """
-    late = isinstance(thing, type)
-    return _with_checks(thing, _checked_late) if late else _checked_late(thing)
+    made: Thing = _with_checks(thing, _checked_late)
+    return made
 
 
-def _with_checks(
-    owner: type[R], check: Callable[[Any, type], Any], result: bool = False
-) -> type[R]:
+def _with_checks(owner: Any, check: Callable[..., Any], result: bool = False) -> Any:
+    if not isinstance(owner, type):
+        return check(owner)
     for name, member in [*vars(owner).items()]:
         bound = isinstance(member, classmethod | staticmethod)
         own = member.__func__ if bound else member

@@ -159,13 +159,17 @@ def refusal(
 
 
 def validated(
-    form: type[Form], content: Any, where: object = "", kind: type[LoopidError] = RobotFileError
+    form: type[Form],
+    content: Any,
+    where: object = "",
+    kind: type[LoopidError] = RobotFileError,
+    line_of: Callable[[Sequence[Any]], int | None] | None = None,
 ) -> Form:
     """A content in its form; the error of ``refusal`` where it does not fit."""
     try:
         return form.model_validate(content)
     except ValidationError as error:
-        raise refusal(error, content, where, kind) from error
+        raise refusal(error, content, where, kind, line_of) from error
 
 
 def key_path(detail: ErrorDetails, content: Any) -> tuple[Any, ...]:

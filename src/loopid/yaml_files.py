@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -19,7 +19,7 @@ from ruamel.yaml.nodes import MappingNode, SequenceNode
 from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 
-from loopid.border import refusal
+from loopid.border import validated
 from loopid.errors import FileError, LoopidError, RobotFileError, shown
 from loopid.files import why_no_file
 
@@ -29,8 +29,6 @@ ENDINGS = (".yaml", ".yml")
 MOST_BYTES = 500_000
 MOST_DEPTH = 50
 MOST_ANCHORS = 100  # and aliases
-LONGEST_TEXT = 100_000
-LARGE = 4_000_000  # bytes of YAML that programs write
 # YAML takes 1_6 and 0x10 for 16.
 ODD_NUMBER = re.compile(r"[-+]?([0-9.]+_[0-9_.]*([eE][-+]?[0-9_]+)?|0[box][0-9a-fA-F_]+)")
 Content = TypeVar("Content", bound=BaseModel)
@@ -42,10 +40,7 @@ def read_yaml(
     """Read a YAML file of keys and values as a model; an empty file leaves all keys out."""
     content = load_yaml(path, failure)
     content = {} if content is None else content
-    try:
-        return model.model_validate(content)
-    except ValidationError as error:
-        raise refusal(error, content, path, failure, partial(line_of, path)) from error
+    return validated(model, content, path, failure, partial(line_of, path))
 
 
 def line_of(path: Path, keys: Sequence[Any]) -> int | None:
@@ -119,7 +114,7 @@ def _repetition(text: str, error: DuplicateKeyError) -> str:
     return f"line {line}: a key stands there that its section has already, written otherwise"
 
 
-def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYTES) -> Any:
+def load_yaml(path: Path, failure: type[LoopidError]) -> Any:
     """Lists, dictionaries, texts and numbers of a YAML file that is no larger than it seems.
 
     Texts must be printable and on one line.
@@ -130,9 +125,9 @@ def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYT
         raise kind(f"{path} {problem}")
     try:
         with path.open("rb") as stream:
-            data = stream.read(most_bytes + 1)
-        if len(data) > most_bytes:
-            raise _BoundError(f"it is longer than the {most_bytes / 1e6:g} MB that are read")
+            data = stream.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            raise _BoundError(f"it is longer than the {MOST_BYTES / 1e6:g} MB that are read")
         yaml = YAML(typ="safe", pure=True)
         yaml.Parser = _BoundedParser
         text = data.decode("utf-8")
@@ -219,8 +214,6 @@ class _BoundedParser(Parser):
     def _require_plain(self, event: ScalarEvent, line: int) -> None:
         """Refuse a scalar that is a number by accident, or breaks a line."""
         text = event.value
-        if len(text) > LONGEST_TEXT:
-            raise _BoundError(f"a text in line {line} has more than {LONGEST_TEXT:,} characters")
         if not text.isprintable():
             raise _BoundError(
                 f"texts must be printable and on one line, not {shown(text)} in line {line}"

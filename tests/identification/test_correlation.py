@@ -101,7 +101,7 @@ def test_samples_that_inform_would_give_the_covariance_if_they_were_independent(
 def test_parameters_near_zero_are_named_once():
     W, rng = smooth_regressor(samples=200), np.random.default_rng(0)
     truth = TRUTH * [1, 1, 0, 1, 0, 1]
-    with pytest.warns(DataWarning, match=r"2 of 6 .* link2\.m \(\d+ %\), link4\.m") as caught:
+    with pytest.warns(DataWarning, match=r"2 of 6 .* link2\.m, link4\.m") as caught:
         result = fit(named_samples(W, W @ truth + 0.1 * rng.normal(size=(200, 2))))
     assert len(caught) == 1
     assert result.insignificant() == ("link2.m", "link4.m")
@@ -244,19 +244,6 @@ def test_what_one_or_two_recordings_tell_has_no_scatter():
     )
     alone = quiet_fit(replace(samples, runs=np.zeros(300, dtype=int)))
     assert quiet_fit(samples).standard_errors[0] <= 3 * alone.standard_errors[0]
-
-
-def test_what_clearly_varies_between_recordings_is_named():
-    rng, parts = np.random.default_rng(0), []
-    for k in range(6):
-        W = smooth_regressor(k, 300)
-        mine = TRUTH + 0.5 * (-1) ** k * np.eye(6)[5]
-        parts.append(named_samples(W, W @ mine + rng.normal(size=(300, 2))))
-    with pytest.warns(DataWarning) as caught:
-        fit(FitSamples.combined(parts))
-    said = [str(each.message) for each in caught if "between recordings" in str(each.message)]
-    assert len(said) == 1
-    assert "link5.m" in said[0]
 
 
 @pytest.mark.validate

@@ -152,7 +152,7 @@ def test_wrong_mappings_are_explained(knee, foreign, write_mapping, old, new, me
         ("leg4_stroke: enc4", "leg5_stroke: enc4", "position"),
         (", leg4_stroke: enc4", "", "position"),
         (", leg4_stroke: 2343", "", "saturation"),
-        ("columns: [u1", "stream: 1, columns: [u1", "no stream '1': choose among foreign"),
+        ("columns: [u1", "stream: 1, columns: [u1", "unknown stream '1' of "),
         ("{columns: [u1", "{stream: pull, columns: [u1", "pull"),
         ("unit: ms", "unit: s", "is 10 s"),
     ],

@@ -153,7 +153,7 @@ OF_LOGS = {
     ),
     "a delay of another motor": (
         names(*NAMES, delay={"crank": 0.01}),
-        "give joints among crank_joint",
+        "choose among crank_joint",
         names(*NAMES, delay={"crank_joint": 0.01}),
     ),
     "positions from another zero": (
@@ -871,7 +871,7 @@ OF_FILES = {
     ),
     "masses of many bodies": (
         masses(fit_of_bases),
-        "the recommended fit of the same robot does",
+        "whose recommended fit has bodies",
         masses(fit_of_bodies),
     ),
     "the robot's own file": (

@@ -250,11 +250,8 @@ def _given(
     noise: float | Mapping[str, float] | None, deviations: Mapping[str, float]
 ) -> dict[str, float]:
     """Deviations by motor, those that are given in the place of others."""
-    if noise is None:
-        return dict(deviations)
-    if not isinstance(noise, Mapping):
-        return dict.fromkeys(deviations, noise)
-    for name in noise:
+    given = noise if isinstance(noise, Mapping) else {} if noise is None else {"all": noise}
+    for name in given:
         if name not in deviations and name != "all":
             raise OptionError.unknown("motor", name, deviations)
-    return {name: noise.get(name, noise.get("all", own)) for name, own in deviations.items()}
+    return {name: given.get(name, given.get("all", own)) for name, own in deviations.items()}

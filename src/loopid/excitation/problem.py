@@ -111,12 +111,9 @@ class DesignOptions:
     seed: Annotated[int, Field(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        for what, given, choices in (
-            ("criterion", self.criterion, CRITERIA),
-            ("shape", self.shape, SHAPES),
-            ("solver", self.solver or "slsqp", SOLVERS),
-        ):
-            OptionError.require(what, given, choices)
+        OptionError.require("criterion", self.criterion, CRITERIA)
+        OptionError.require("shape", self.shape, SHAPES)
+        OptionError.require("solver", self.solver or "slsqp", SOLVERS)
         each = self.noise if isinstance(self.noise, Mapping) else {}
         for joint, size in each.items():
             if not (isinstance(size, int | float) and isfinite(size) and size > 0):

@@ -114,12 +114,7 @@ class BagFormat(LogFormat):
             raise self.refused(f"has no topic of type {JOINT_STATE}: it has {there}")
         if self.chosen is None:
             return counts
-        if self.chosen not in counts:
-            raise self.refused(
-                f"has no joint states in topic {self.chosen!r}: choose among {', '.join(counts)}",
-                given=self.chosen,
-                valid=tuple(counts),
-            )
+        LogError.require("topic with joint states", self.chosen, counts, f" of {self.path}")
         return {self.chosen: counts[self.chosen]}
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:

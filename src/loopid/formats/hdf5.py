@@ -7,8 +7,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from loopid.errors import optional
-from loopid.logs.table import MOST_LISTED, ArrayFormat, has_columns
+from loopid.errors import LogError, optional
+from loopid.logs.table import ArrayFormat, has_columns
 
 
 class Hdf5Format(ArrayFormat):
@@ -26,11 +26,8 @@ class Hdf5Format(ArrayFormat):
             chosen, items = (self.chosen or "").strip("/"), dict[str, Any]()
             file.visititems(items.__setitem__)
             groups = [name for name, item in items.items() if isinstance(item, h5py.Group)]
-            if chosen and chosen not in groups:
-                there = f"choose among {', '.join(groups[:MOST_LISTED])}"
-                there = there if groups else "it has no groups"
-                said = f"has no group {self.chosen!r}: {there}"
-                raise self.refused(said, given=self.chosen, valid=groups)
+            if chosen:
+                LogError.require("group", chosen, groups, f" of {self.path}")
             for name, item in items.items():
                 inside = not chosen or name.startswith(f"{chosen}/")
                 if inside and isinstance(item, h5py.Dataset) and has_columns(item.shape or ()):

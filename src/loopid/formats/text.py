@@ -195,11 +195,10 @@ def read_header(path: Path) -> Header:
     samples = [k for k, each in enumerate(numbers) if each == usual and any(each)]
     above = lines[: samples[0]] if samples else lines[:1]
     # Whether all samples end with a separator.
-    ends = [not lines[k].cells(separator)[-1] for k in samples]
-    spare = bool(ends) and all(ends)
+    spare = bool(samples) and not any(lines[k].cells(separator)[-1] for k in samples)
     found = [_names(line, separator, width, spare) for line in above]
     # A title may be filled up with empty cells; what stands below the names may be their units.
-    said = [0 if _are_units(names) else _said(names) for names in found]
+    said = [0 if _are_units(cells) else sum(not _is_number(c) for c in cells) for cells in found]
     if any(found):
         named = max((k for k in range(len(found)) if found[k]), key=said.__getitem__)
         names, last = found[named], above[named].row
@@ -241,11 +240,6 @@ def _names(line: Line, separator: str | None, width: int, spare: bool) -> list[s
         if len(cells) == width and not all(line.numbers(one)):
             return cells
     return []
-
-
-def _said(cells: Iterable[str]) -> int:
-    """How many cells hold words."""
-    return sum(not _is_number(cell) for cell in cells)
 
 
 def _unit(cell: str) -> str:

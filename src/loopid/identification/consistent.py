@@ -869,7 +869,4 @@ def warn_of_bodies(force_model: ForceModel, found: Fit) -> None:
             ModelWarning,
         )
     if found.deviation is not None and (fault := found.deviation.fault):
-        kinds = {parameter.kind for parameter in force_model.base.parameters}
-        known = "Ia" in kinds or force_model.model == "gravity"
-        advice = "" if known else ', such as drive inertia, terms="Fc,Fv,Fo,Ia"'
-        warn(f"{name}: {fault}{advice}", ModelWarning)
+        warn(f"{name}: {fault}", ModelWarning)

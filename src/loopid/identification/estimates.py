@@ -144,13 +144,7 @@ class Estimates(Tabular):
         object.__setattr__(self, "model", loaded)
 
     def require_model(self) -> ForceModel:
-        """The force model.
-
-        Raises
-        ------
-        OptionError
-            Where it is not known.
-        """
+        """The force model; an OptionError where it is not known."""
         if self.model is None:
             raise OptionError(
                 "the fit does not know its force model: give it one, fit = Fit.of(model, fit)"
@@ -158,13 +152,7 @@ class Estimates(Tabular):
         return self.model
 
     def require_noise(self) -> NoiseModel:
-        """The model of the errors.
-
-        Raises
-        ------
-        DataError
-            Where there is none, as of values that nothing was fitted to.
-        """
+        """The model of the errors; a DataError where there is none, as of values alone."""
         if self.noise is None:
             raise DataError("the fit has no model of its errors: take one by fit(samples)")
         return self.noise

@@ -71,7 +71,14 @@ def fit(
     True
     """
     found = working_fit(samples, estimator).result
-    _warn_of_insignificant(found)
+    names = found.insignificant()
+    # Without freedom no interval is finite: the autocorrelation is to blame.
+    if names and found.degrees_of_freedom.max() >= LEAST_FREEDOM:
+        warn(
+            f"{len(names)} of {len(found.values)} parameters are not significantly different from "
+            f"zero: {', '.join(names)}",
+            DataWarning,
+        )
     return found
 
 
@@ -83,22 +90,6 @@ def quiet_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> Fit:
 def working_fit(samples: FitSamples, estimator: str | Estimator = "wls") -> WorkingFit:
     """As ``fit``, with the least squares that the fit amounts to, and without warnings."""
     return with_scatter(within_runs(chosen_estimator(estimator).fit_samples(samples)))
-
-
-def _warn_of_insignificant(result: Fit) -> None:
-    """Name, once, the estimates that are not significant."""
-    names = result.insignificant()
-    if not names or result.degrees_of_freedom.max() < LEAST_FREEDOM:
-        return  # without freedom no interval is finite: the autocorrelation is to blame
-    stds = dict(zip(result.parameters.names, result.relative_std, strict=True))
-    listed = ", ".join(
-        f"{name} ({stds[name]:.0f} %)" if np.isfinite(stds[name]) else name for name in names
-    )
-    warn(
-        f"{len(names)} of {len(stds)} parameters are not significantly different from zero, by "
-        f"their relative standard deviation: {listed}",
-        DataWarning,
-    )
 
 
 @checked

@@ -15,7 +15,7 @@ from loopid.identification.friction import friction_findings
 from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.outcome import ALL, FRACTION, Outcome
 from loopid.identification.selection import Reduction, eliminate, judge_essential
-from loopid.identification.terms import taken_for_offsets
+from loopid.identification.terms import without_offset
 from loopid.identification.verdict import Verdict, findings_of, insignificant
 from loopid.logs.recording import Recording
 from loopid.numbers import root
@@ -85,27 +85,17 @@ class Identification(Outcome):
     def checks(self) -> tuple[tuple[bool, str], ...]:
         """What was checked, and whether it passed."""
         delay, excited, cutoff = self.delay, self.identifiability, self.cutoff
-        every, known = excited.structural_rank, excited.well_determined
-        said = [
-            (not self.mistakes, "signs, units and order of motors", "a mistake is suspected"),
-            (
-                excited.rank == every,
-                "all combinations excited",
-                f"{every - excited.rank} not excited",
-            ),
-            (
-                known == every,
-                "all known better than by the file",
-                f"{every - known} less known than by the file",
-            ),
-            (
-                self.recommended.beats_baseline,
-                "fitted bodies predict better",
-                "fitted bodies do not predict clearly better",
-            ),
-        ]
+        hidden = excited.structural_rank - excited.rank
+        unsure = excited.structural_rank - excited.well_determined
+        fitted = self.recommended.beats_baseline
+        said = [(not self.mistakes, "signs, units and order of motors", "a mistake is suspected")]
         if delay is not None:
-            said.insert(1, (not delay.clear, "no clear delay", "a delay, undone"))
+            said.append((not delay.clear, "no clear delay", "a delay, undone"))
+        said += [
+            (not hidden, "all combinations excited", f"{hidden} not excited"),
+            (not unsure, "all known better than by the file", f"{unsure} less known than by it"),
+            (fitted, "fitted bodies predict better", "fitted bodies do not predict better"),
+        ]
         if cutoff is not None:
             said.append((not cutoff.bound, "filter within its range", "filter at a bound"))
         return tuple((bool(good), text if good else other) for good, text, other in said)
@@ -149,7 +139,7 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
     model = found.force_model
     terms, _ = parted(model.joint_terms)
     choice = NO_TERMS if terms is None else terms.choice(model.robot)
-    taken = [f"{name} from {other}" for name, other in taken_for_offsets(model, found.data).items()]
+    without = first_of(without_offset(model, found.data), NAMED)
     unclear = insignificant(fit)
     left_out = (~run.used & run.force.any(axis=0) for run in runs)
     idle = [float(each.mean(axis=0).max()) for each in left_out]
@@ -162,7 +152,7 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
         ),
         (
             f"the joint terms are {choice}",
-            f"the data hardly tell {first_of(taken, NAMED)}: what is left has both" * bool(taken),
+            f"the data do not determine the offset of {without}" * bool(without),
         ),
     ]
     if unclear:

@@ -386,13 +386,7 @@ class FitSamples:
         return left
 
     def with_instruments(self, instruments: FloatArray) -> FitSamples:
-        """The same samples with instruments (N, dof, n), which go wherever the samples go.
-
-        Raises
-        ------
-        DataError
-            When they are not of the regressor's shape, or not finite.
-        """
+        """The same samples with instruments (N, dof, n), which go wherever the samples go."""
         Z = shaped(instruments, "instruments", *self.regressor.shape)
         return replace(self, instruments=Z)
 

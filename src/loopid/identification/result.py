@@ -157,14 +157,8 @@ class Fit(Estimates):
     def model_for(self, robot: Robot | ForceModel, *, anyway: bool = False) -> ForceModel:
         """The force model of the values, for a robot or its force model; ``Dynamics`` takes it.
 
-        The robot is the fit's, or has other inertials alone.
-
-        Raises
-        ------
-        OptionError
-            When the fit breaks a law of sane ones (``absurdities``), and is not taken anyway.
-        DataError
-            When the robot is another one.
+        The robot is the fit's, or has other inertials alone. A fit that breaks a law of sane ones
+        (``absurdities``) is taken ``anyway``, or not at all.
         """
         fit, own = self, robot if isinstance(robot, Robot) else robot.robot
         if self.model is None and isinstance(robot, ForceModel):
@@ -217,13 +211,7 @@ class Fit(Estimates):
         return found if isinstance(data, list | tuple) else found[0]
 
     def require_bodies(self) -> FloatArray:
-        """Standard parameters and joint terms (p,), which a robot file can be made of.
-
-        Raises
-        ------
-        DataError
-            When the fit is of base parameters only.
-        """
+        """Standard parameters and joint terms (p,), which a robot file can be made of."""
         if self.standard_parameters is None:
             raise DataError(
                 f"a fit by {self.estimator} has base parameters, which are those of many bodies: "

@@ -117,9 +117,14 @@ class FitFile:
     @classmethod
     def read(cls, path: str | Path) -> FitFile:
         """Read a file; see ``load_fit`` for what is refused."""
-        document = _document(Path(path))
+        place = Path(path)
+        if reason := why_no_file(place):
+            if reason == "does not exist":
+                raise FileError(f"{path} {reason}{near_file(place)}", file=path)
+            raise DataError(f"{path} {reason}", file=path)
+        require_ending(place, ENDINGS)
         try:
-            content = json.loads(document)
+            content = json.loads(place.read_bytes())
         except (ValueError, RecursionError) as error:
             raise DataError(
                 f"{path} is not a saved fit: it is cut short or damaged ({error})", file=path
@@ -341,21 +346,6 @@ def _require_own_bodies(fit: Estimates, model: ForceModel) -> None:
 def as_file(record: dict[str, Any]) -> str:
     """The record of a fit as it stands in its file."""
     return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _document(path: Path) -> bytes | str:
-    """The content of a file as JSON, also of a YAML that was written otherwise."""
-    if reason := why_no_file(path):
-        if reason == "does not exist":
-            raise FileError(f"{path} {reason}{near_file(path)}", file=path)
-        raise DataError(f"{path} {reason}", file=path)
-    ending = require_ending(path, ENDINGS)
-    content = path.read_bytes()
-    if ending != ".json" and not content.startswith(b"{"):
-        from loopid.yaml_files import LARGE, load_yaml  # for what another program wrote
-
-        return json.dumps(load_yaml(path, DataError, LARGE), default=str)
-    return content
 
 
 def digest(content: dict[str, Any]) -> str:

@@ -12,7 +12,6 @@ qᵀu / √(qᵀFq) has Student's distribution.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -66,8 +65,7 @@ def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
     usual, offsets = force_model.joint_terms, list(_offsets(force_model))
     if usual is None or not force_model.automatic:
         return force_model
-    evidence = _Evidence.of(data) if offsets else None
-    gone = evidence.unknown(offsets) if evidence else []
+    gone = _unknown(data, offsets) if offsets else []
     gone += _of_motion(force_model, data)
     if not gone:
         return force_model
@@ -87,25 +85,6 @@ def without_offset(force_model: ForceModel, data: FitSamples) -> tuple[str, ...]
     kinds = {} if terms is None else terms.of_joints
     joints = zip(data.actuators, moved, strict=True)
     return tuple(joint for joint, own in joints if own and OFFSET not in kinds.get(joint, ()))
-
-
-def taken_for_offsets(force_model: ForceModel, data: FitSamples) -> dict[str, str]:
-    """Offsets that were left out, each with the parameter that has most of it in the data."""
-    found, motors = dict[str, str](), without_offset(force_model, data)
-    if not motors:
-        return found
-    problem, n = data.problem, len(data.parameters)
-    with one_blas_thread():
-        lengths, sizes, turn = scaled_svd(problem.weighted(problem.force_weights)[:n, :n])
-        excited = sizes > LEAST_EXCITATION * sizes[0]
-        ways = (turn[excited] / sizes[excited, None]) / lengths
-        for joint in motors:
-            k = data.actuators.index(joint)
-            column = data.regressor[data.used[:, k], k].sum(axis=0)
-            values = ways.T @ (ways @ column)
-            effects = np.abs(values) * np.linalg.norm(problem.factors[k, :, :n], axis=0)
-            found[f"{joint}.{OFFSET}"] = data.parameters.labels[int(np.round(effects, 9).argmax())]
-    return found
 
 
 def _offsets(force_model: ForceModel) -> Iterator[Parameter]:
@@ -128,69 +107,54 @@ def _of_motion(force_model: ForceModel, data: FitSamples) -> list[str]:
     return moved
 
 
-class _Evidence(NamedTuple):
-    """Estimates of all columns together, in orthonormal coordinates."""
+def _unknown(data: FitSamples, offsets: Sequence[Parameter]) -> list[str]:
+    """Labels of offsets that are neither well determined nor significant; none of few samples.
 
-    columns: dict[str, FloatArray]  # of each parameter (r,)
-    estimate: FloatArray  # (r,)
-    covariance: FloatArray  # (r, r), for autocorrelated errors
-    freedom: float
-    forces: dict[str, float]  # rms of each motor, in N or N m
+    By weighted least squares of all columns together, in orthonormal coordinates (r,).
+    """
+    from scipy.special import stdtr  # slow to import
 
-    @classmethod
-    def of(cls, data: FitSamples) -> _Evidence | None:
-        """Of weighted least squares; None where there are too few samples for it."""
-        n = len(data.parameters)
-        with one_blas_thread():
-            R = data.problem.weighted(np.ones(len(data.actuators)))[:n, :n]
-            lengths, effects, turn = scaled_svd(R)
-            excited = turn[effects > LEAST_EXCITATION * effects[0]]
-        reduced = data.along((excited / lengths).T)
-        try:
-            fit = quiet_fit(reduced)
-        except (DataError, RankError):
-            return None
-        if fit.degrees_of_freedom.min() < LEAST_FREEDOM:
-            return None
-        with one_blas_thread():
-            Q = reduced.problem.weighted(fit.weights)[:-1, :-1]
-            every = Q @ (excited * lengths * R.any(axis=0))
-        columns = dict(zip(data.parameters.labels, every.T, strict=True))
-        freedom = float(fit.degrees_of_freedom.min())
-        forces = dict(zip(data.actuators, data.problem.force_rms.tolist(), strict=True))
-        return cls(columns, Q @ fit.values, Q @ fit.covariance @ Q.T, freedom, forces)
+    n = len(data.parameters)
+    with one_blas_thread():
+        R = data.problem.weighted(np.ones(len(data.actuators)))[:n, :n]
+        lengths, effects, turn = scaled_svd(R)
+        excited = turn[effects > LEAST_EXCITATION * effects[0]]
+    reduced = data.along((excited / lengths).T)
+    try:
+        fit = quiet_fit(reduced)
+    except (DataError, RankError):
+        return []
+    freedom = float(fit.degrees_of_freedom.min())
+    if freedom < LEAST_FREEDOM:
+        return []
+    with one_blas_thread():
+        Q = reduced.problem.weighted(fit.weights)[:-1, :-1]
+        columns = Q @ (excited * lengths * R.any(axis=0))
+    estimate, covariance = Q @ fit.values, Q @ fit.covariance @ Q.T
+    forces = dict(zip(data.actuators, data.problem.force_rms.tolist(), strict=True))
+    found, least = [], FALSE_ALARM / len(offsets)  # by Bonferroni
+    for each in offsets:
+        k = data.parameters.labels.index(each.label)
+        unit = _own(columns, k)
+        if unit is not None:
+            error = np.sqrt(unit @ covariance @ unit)
+            # A redundant motor has no row: its offset counts beside the largest force of any.
+            size = forces.get(each.link, max(forces.values())) * abs(unit @ columns[:, k])
+            chance = 2 * stdtr(freedom, -abs(unit @ estimate) / error)
+            if error <= KNOWN_OFFSET * size or chance < least:
+                continue
+        found.append(each.label)
+    return found
 
-    def unknown(self, offsets: Sequence[Parameter]) -> list[str]:
-        """Labels of offsets that are neither well determined nor significant."""
-        from scipy.special import stdtr  # slow to import
 
-        found, least = [], FALSE_ALARM / len(offsets)  # by Bonferroni
-        for each in offsets:
-            unit = self._own(each.label)
-            if unit is not None:
-                error = np.sqrt(unit @ self.covariance @ unit)
-                # A redundant motor has no row: its offset counts beside the largest force of any.
-                force = self.forces.get(each.link, max(self.forces.values()))
-                part = abs(unit @ self.columns[each.label])
-                if error <= KNOWN_OFFSET * force * part:
-                    continue
-                if 2 * stdtr(self.freedom, -abs(unit @ self.estimate) / error) < least:
-                    continue
-            found.append(each.label)
-        return found
-
-    def _own(self, label: str) -> FloatArray | None:
-        """Unit vector (r,) of what a column adds to the others; None where that is nothing."""
-        others = np.stack([c for name, c in self.columns.items() if name != label], axis=1)
-        lengths = np.linalg.norm(others, axis=0)
-        U, sizes, _ = np.linalg.svd(
-            others / np.where(lengths > 0, lengths, 1.0), full_matrices=False
-        )
-        inside = U[:, sizes > LEAST_EXCITATION * sizes[0]]
-        column = self.columns[label]
-        length = np.linalg.norm(column)
-        own = column / (length or 1.0)
-        for _ in range(2):  # the second time for round-off
-            own = own - inside @ (inside.T @ own)
-        left = np.linalg.norm(own)
-        return own / left if left > OWN_EFFECT else None
+def _own(columns: FloatArray, k: int) -> FloatArray | None:
+    """Unit vector (r,) of what a column of (r, n) adds to the others; None where it is nothing."""
+    others, column = np.delete(columns, k, axis=1), columns[:, k]
+    lengths = np.linalg.norm(others, axis=0)
+    U, sizes, _ = np.linalg.svd(others / np.where(lengths > 0, lengths, 1.0), full_matrices=False)
+    inside = U[:, sizes > LEAST_EXCITATION * sizes[0]]
+    own = column / (np.linalg.norm(column) or 1.0)
+    for _ in range(2):  # the second time for round-off
+        own = own - inside @ (inside.T @ own)
+    left = np.linalg.norm(own)
+    return own / left if left > OWN_EFFECT else None

@@ -11,17 +11,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from loopid.arguments import BoolArray, FloatArray, checked
-from loopid.errors import DataWarning, LogError, OptionError, counted, warn
-from loopid.logs.grid import (
-    BAD_ROWS,
-    LEAST_ROWS,
-    Dropped,
-    Stream,
-    continued,
-    off_grid,
-    rows_text,
-    stream_of,
-)
+from loopid.errors import DataWarning, LogError, OptionError, warn
+from loopid.logs.grid import BAD_ROWS, Dropped, Stream, continued, off_grid, rows_text, stream_of
 from loopid.logs.log import Log
 from loopid.logs.signals import POSE
 from loopid.logs.table import NANOSECONDS, QUANTITIES
@@ -89,15 +80,10 @@ def check_log(robot: Robot, log: Log) -> Log:
     """
     if log.checked:
         return log
-    if len(log) < LEAST_ROWS:
-        rows = counted(len(log), "row")
-        raise LogError(f"{log.name} has {rows} of numbers: it takes at least {LEAST_ROWS}")
     _require_even_segments(log)
     given = {name: getattr(log, name) for name in QUANTITIES if getattr(log, name) is not None}
     whole = stream_of(log.name, log.joints, log.time, given, log.slides)
-    stream = check_stream(robot, whole, static=log.static)
-    check_moving([stream])
-    check_signs([stream])
+    (stream,) = check_streams(robot, [whole], static=log.static)
     if len(stream.rows) < len(log):
         dropped = (Dropped.at(why, log.time[lost - 1]) for why, lost in stream.left_out)
         log = log.select(np.isin(whole.rows, stream.rows), *dropped)
@@ -120,11 +106,20 @@ def _require_even_segments(log: Log) -> None:
             )
 
 
-def check_stream(robot: Robot, stream: Stream, *, static: bool = False) -> Stream:
-    """The stream without impossible rows, and with turns counted on; warns of what looks wrong.
+def check_streams(robot: Robot, streams: Sequence[Stream], *, static: bool = False) -> list[Stream]:
+    """Streams without impossible rows, and with turns counted on; warns of what looks wrong.
 
     Between poses at rest there are no speeds, and nothing tells whole turns.
     """
+    found = [_check_stream(robot, stream, static) for stream in streams]
+    _check_moving(found)
+    forces = [force for stream in found for force in stream.signals("force")]
+    if sizes := without_signs(forces):
+        warn(f"{found[0].source}: {sizes}: sizes without their signs?", DataWarning)
+    return found
+
+
+def _check_stream(robot: Robot, stream: Stream, static: bool) -> Stream:
     if not static:
         _require_usual_step(stream)
     _require_units(robot, stream)
@@ -313,7 +308,7 @@ def _warn_of_excess(stream: Stream, what: str, limit: float, sizes: FloatArray) 
         )
 
 
-def check_moving(streams: Sequence[Stream]) -> None:
+def _check_moving(streams: Sequence[Stream]) -> None:
     """Warn of joints whose position or force never changes; refuse when no position does."""
     source = streams[0].source
     for quantity in ("position", "force"):
@@ -328,13 +323,6 @@ def check_moving(streams: Sequence[Stream]) -> None:
                 f"{source}: the {quantity} of {', '.join(dead)} never changes: a dead sensor?",
                 DataWarning,
             )
-
-
-def check_signs(streams: Sequence[Stream]) -> None:
-    """Warn of forces that are none, but their sizes."""
-    found = without_signs([force for stream in streams for force in stream.signals("force")])
-    if found:
-        warn(f"{streams[0].source}: {found}: sizes without their signs?", DataWarning)
 
 
 def without_signs(forces: Sequence[tuple[str, FloatArray]]) -> str:

@@ -20,6 +20,7 @@ from loopid.arguments import (
     Numbers,
     NumbersByJoint,
     by_name,
+    chosen,
     finite,
     for_each,
     rectangular,
@@ -99,9 +100,6 @@ class ExternalWrench:
     def __post_init__(self) -> None:
         values = samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}")
         object.__setattr__(self, "values", values)
-
-    def __len__(self) -> int:
-        return len(self.values)
 
 
 @record(kw_only=True, checked=True)
@@ -274,8 +272,9 @@ class Log(Tabular):
                 continue
             own = [_unit(quantity, unit) for unit in _by_joint(units.get(quantity), joints)]
             scales = [unit.scale for unit in own]
-            ordered = by_name(values, joints)
-            signals[quantity] = _columns(ordered, len(joints), quantity, len(at)) * scales
+            array = finite(by_name(values, joints), quantity)
+            array = array[:, None] if array.ndim == len(joints) == 1 else array
+            signals[quantity] = samples(array, len(joints), quantity, len(at)) * scales
             slides |= {
                 f"{joint}.{quantity}": unit.straight
                 for joint, unit in zip(joints, own, strict=True)
@@ -377,7 +376,10 @@ class Log(Tabular):
                 if one.straight is not None
             },
         )
-        return log.delayed(mapping.force_delays(joints))
+        delay = mapping.delay
+        if isinstance(delay, Mapping):  # without those of streams
+            delay = {joint: delay[joint] for joint in joints if joint in delay}
+        return log.delayed(delay)
 
     def _table(self) -> dict[str, FloatArray]:
         """Columns as ``from_frame`` finds them."""
@@ -396,10 +398,8 @@ class Log(Tabular):
 
     def select(self, good: BoolArray, *dropped: Dropped) -> Log:
         """The samples that a mask (N,) keeps; those that it leaves out divide segments."""
-        good = rectangular(good, "good")
-        if good.dtype != bool or good.shape != self.time.shape:
-            said = f"good must be a mask of shape {self.time.shape}, not {good.dtype} {good.shape}"
-            raise DataError(said, argument="good", given=good.shape)
+        rows, good = chosen(good, "good", len(self)), np.zeros(len(self), dtype=bool)
+        good[rows] = True
         kept: dict[str, Any] = {
             name: values[good]
             for name in ("time", *QUANTITIES)
@@ -537,12 +537,6 @@ def _segments(given: ArrayLike, count: int) -> IntArray:
     return numbers.astype(np.int64, copy=False)
 
 
-def _columns(values: ArrayLike, width: int, name: str, count: int) -> FloatArray:
-    """Columns (N, m), or the only one (N,)."""
-    array = finite(values, name)
-    return samples(array[:, None] if array.ndim == width == 1 else array, width, name, count)
-
-
 def _by_joint(given: Any, joints: Sequence[str], default: Any = None) -> list[Any]:
     """What is given for all or by joint, in the order of the joints."""
     if not isinstance(given, Mapping):
@@ -605,9 +599,8 @@ def _cells(column: Any) -> Any:
         return column
     if getattr(getattr(column, "dtype", None), "tz", None) is not None:  # of pandas
         return np.asarray(column, dtype="datetime64[ns]")
-    if np.ma.is_masked(column):
-        column = np.ma.filled(column.astype(np.float64), np.nan)
-    values = np.asarray(column)
+    values = np.ma.filled(column.astype(float), np.nan) if np.ma.is_masked(column) else column
+    values = np.asarray(values)
     if values.dtype.kind != "O":
         return values
     missing = ("NAType", "NaTType")  # of pandas

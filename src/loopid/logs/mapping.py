@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError,
 
 from loopid.arguments import NotNegative, Positive, checked
 from loopid.border import Section, refusal, unknown
-from loopid.errors import LogError, OptionError, unknown_word
+from loopid.errors import LogError, OptionError
 from loopid.logs.table import COMPONENTS, POSE_PERIOD
 from loopid.registry import log_formats
 from loopid.yaml_files import read_yaml, yaml_text
@@ -261,19 +261,9 @@ class LogMapping(Section):
         """Delays of the time stamps of some streams, in s; not those of joints."""
         given = self.delay if isinstance(self.delay, Mapping) else {}
         for name in given:
-            if name not in (*joints, *streams):
-                raise LogError(
-                    f"{source}: delay of the mapping names {name!r}: give joints among "
-                    f"{', '.join(joints)}, or streams among {', '.join(streams)}",
-                    key="delay",
-                    valid=(*joints, *streams),
-                )
+            what, where = "joint or stream in delay of the mapping", f" of {source}"
+            LogError.require(what, name, (*joints, *streams), where)
         return {name: delay for name, delay in given.items() if name not in joints}
-
-    def force_delays(self, joints: Sequence[str]) -> list[float]:
-        """By how much forces of joints are later than their positions, in s."""
-        given = self.delay
-        return [given.get(j, 0.0) if isinstance(given, Mapping) else given for j in joints]
 
     def with_gains(
         self, gains: Mapping[str, float], scales: Sequence[Mapping[str, float]]
@@ -297,16 +287,14 @@ class LogMapping(Section):
             raise OptionError("gains are of joints, which joint_maps make of several motors each")
         if any(each != scales[0] for each in scales[1:]):
             raise OptionError("forces of the logs are in different units: one mapping cannot hold")
-        joints = [*scales[0]]
-        found = {joint: gains.get(joint, 1.0) for joint in joints}
-        content = self.model_dump(exclude_defaults=True, exclude_none=True)
-        content["force_scale"] = {
-            joint: _rounded(found[joint] * scales[0][joint]) for joint in joints
-        }
-        for key in ("force_offset", "saturation"):
-            if key in content:
-                values = zip(joints, self.by_joint("the mapping", key, joints), strict=True)
-                content[key] = {joint: _rounded(found[joint] * value) for joint, value in values}
+        content, joints = self.model_dump(exclude_defaults=True, exclude_none=True), [*scales[0]]
+        values = {"force_scale": [*scales[0].values()]}
+        for more in ("force_offset", "saturation"):
+            if more in content:
+                values[more] = self.by_joint("the mapping", more, joints)
+        for key, own in values.items():  # to digits that a gain is known to, and more
+            pairs = zip(joints, own, strict=True)
+            content[key] = {j: float(f"{gains.get(j, 1.0) * value:.6g}") for j, value in pairs}
         return LogMapping(**content)
 
     @property
@@ -322,26 +310,14 @@ class LogMapping(Section):
         given = getattr(self, key)
         if not isinstance(given, Mapping):
             return [given] * len(joints)
-        usual = getattr(LogMapping(), key)
-        left_out = {*joints} - {*given} if not key.endswith(("_scale", "_offset")) else ()
-        if wrong := [name for name in given if name not in joints]:
-            what = f"motor in {key} of the mapping"
+        for name in given:
+            LogError.require(f"motor in {key} of the mapping", name, joints, f" of {source}")
+        left_out = [joint for joint in joints if joint not in given]
+        if left_out and not key.endswith(("_scale", "_offset")):
             raise LogError(
-                f"{source}: {unknown_word(what, wrong[0], joints)}", given=wrong[0], key=key
+                f"{source}: {key} of the mapping leaves out {', '.join(left_out)}", key=key
             )
-        for name in sorted(left_out):
-            raise LogError(
-                f"{source}: {key} of the mapping leaves out "
-                f"{name!r}: give the motors {', '.join(joints)}",
-                key=key,
-                valid=tuple(joints),
-            )
-        return [given.get(joint, usual) for joint in joints]
-
-
-def _rounded(value: float) -> float:
-    """To digits that a gain is known to, and more."""
-    return float(f"{value:.6g}")
+        return [given.get(joint, getattr(LogMapping(), key)) for joint in joints]
 
 
 def mapping_of(given: LogMapping | str | Path | None) -> LogMapping:

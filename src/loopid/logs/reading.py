@@ -12,14 +12,7 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.errors import FileError, LogError, ModelWarning, OptionError, warn
 from loopid.files import near_file, require_name, why_no_file
-from loopid.logs.checks import (
-    check_moving,
-    check_signs,
-    check_stream,
-    frame_index,
-    require_known_motion,
-    with_checked_rates,
-)
+from loopid.logs.checks import check_streams, frame_index, require_known_motion, with_checked_rates
 from loopid.logs.grid import Stream, make_streams, on_joints
 from loopid.logs.log import Log
 from loopid.logs.mapping import LogMapping, mapping_of
@@ -107,9 +100,7 @@ def read_log(
         found = read_streams(
             place, robot.actuated, mapping, rows=rows, locked=robot.locked, forces=forces
         )
-        streams = [check_stream(robot, stream, static=mapping.static) for stream in found]
-        check_moving(streams)
-        check_signs(streams)
+        streams = check_streams(robot, found, static=mapping.static)
         name = stream_name(place.resolve())
         log = Log.from_streams(name, streams, robot.actuated, mapping)
         log = with_checked_rates(log)

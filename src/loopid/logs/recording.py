@@ -426,11 +426,10 @@ class Recording(Tabular):
         """The samples that are between those of another recording of the log, to half a step."""
         time, kept = np.asarray(self.motion.time), np.asarray(other.motion.time)
         step = float(np.median(np.diff(kept))) if len(kept) > 1 else RATE_ROUNDING
-        after = np.clip(np.searchsorted(kept, time), 1, max(len(kept) - 1, 1))
-        later = time - kept[np.stack([after - 1, np.minimum(after, len(kept) - 1)])]
         # In the middle between two it belongs to the earlier one, whatever the round-off.
-        least, most = -step / 2 * (1 - RATE_ROUNDING), step / 2 * (1 + RATE_ROUNDING)
-        return self.select(((later > least) & (later < most)).any(axis=0))
+        begun = np.searchsorted(kept - step / 2 * (1 - RATE_ROUNDING), time)
+        ended = np.searchsorted(kept + step / 2 * (1 + RATE_ROUNDING), time, "right")
+        return self.select(begun > ended)
 
     def select(self, rows: BoolArray | slice) -> Recording:
         """Some of the samples, by a mask (N,) or as a slice, in order."""

@@ -402,11 +402,10 @@ class ColumnFinder:
 
     def _found_time(self, stream: str) -> TimeColumn:
         here = self.streams[stream]
-        for pair in TIME_PAIRS:
-            names = [name for name in here if words(name) in pair]
-            both = {words(name): name for name in names}
-            if len(names) == len(both) == 2:
-                return TimeColumn(both[pair[0]], NANOSECONDS["s"], both[pair[1]])
+        called = {words(name): name for name in here}
+        for seconds, rest in TIME_PAIRS:
+            if {seconds, rest} <= {*called}:
+                return TimeColumn(called[seconds], NANOSECONDS["s"], called[rest])
         found = [name for name in here if {words(name), words(heading(name).name)} & TIMES]
         found = found or [name for name in here if {*endings(heading(name).name)} & TIMES]
         if len(found) == 1:
@@ -466,13 +465,7 @@ class ColumnFinder:
         """
         if given.stream is None:
             return [self._called(name) for name in given.columns or []]
-        if given.stream not in self.streams:
-            valid = tuple(self.streams)
-            raise self._refused(
-                f"there is no stream {given.stream!r}: choose among {', '.join(valid)}",
-                given=given.stream,
-                valid=valid,
-            )
+        LogError.require("stream", given.stream, self.streams, f" of {self.source}")
         if given.columns is not None:
             return [self._called(f"{given.stream}:{name}") for name in given.columns]
         if not self.ordered:

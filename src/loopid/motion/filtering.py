@@ -22,13 +22,10 @@ from loopid.records import derived, record
 # slowest mode of a pass falls to a millionth meanwhile. The first order takes what the second does.
 PADDING = 1.5
 AT_ONCE = 500_000  # numbers that are transformed at once: long logs have many columns
-LONGEST = 2**40  # of a transform: no memory holds more
-FAST = [1]  # products of twos, threes and fives
-for _prime in (2, 3, 5):
-    for _length in FAST:  # which grows meanwhile
-        if _length * _prime <= LONGEST:
-            FAST.append(_length * _prime)
-FAST.sort()
+# Products of twos, threes and fives, up to 4e9 all of them: no memory holds longer transforms.
+FAST: list[int] = sorted(
+    2**i * 3**j * 5**k for i in range(33) for j in range(21) for k in range(14)
+)
 
 
 @record(checked=True)

@@ -66,9 +66,8 @@ from loopid.kinematics.projection import (
 )
 from loopid.numbers import FIT_ROUND_OFF
 from loopid.parameters import ParameterSet
-from loopid.regressors.joint_laws import HYSTERESIS, JointState, JointTerm, joint_term
+from loopid.regressors.joint_laws import JointState, JointTerm, joint_term
 from loopid.regressors.joint_terms import JointTerms
-from loopid.regressors.maxwell_slip import slipped
 from loopid.robot.robot import Robot, lock_options, position_of
 
 # Newton steps this short, in rad or characteristic lengths, leave G and q at one point to round-off
@@ -180,7 +179,6 @@ class _Law(NamedTuple):
     columns: IntArray  # (k,), among the joint terms
     names: tuple[str, ...]  # (k,), of the joints
     rows: IntArray  # (k,), of the independent coordinates, -1 for other joints
-    slips: IntArray | None  # (k,), places of its elements of Maxwell slip; None of other laws
 
     def needs(self, *what: str) -> bool:
         return not {*what}.isdisjoint(self.term.needs)
@@ -243,11 +241,10 @@ def columns(pose: Pose, v: FloatArray, a: FloatArray, kind: str) -> FloatArray:
 
 
 class _Memory(threading.local):
-    """Where a thread was last, and how far its friction has built up."""
+    """Where a thread was last."""
 
     pose: Pose | None = None
     positions: FloatArray
-    slips: FloatArray
 
     def __reduce__(self) -> tuple[type[_Memory], tuple[()]]:
         return _Memory, ()
@@ -263,9 +260,8 @@ class Dynamics:
     called as the coordinates are taken by name.
 
     One sample is assembled from where the last one was, as in a control loop. Further ways are
-    followed step by step. Friction builds up along them (``slips``). Each thread has a last sample
-    of its own, so that threads may share an object. Many samples are assembled from ``start``;
-    their friction is that of steady motion.
+    followed step by step. Each thread has a last sample of its own, so that threads may share an
+    object. Many samples are assembled from ``start``. Friction is that of steady motion.
 
     Parameters
     ----------
@@ -473,8 +469,6 @@ class Dynamics:
                 path = follow_paths(self._measured, before.configurations, u[None], self.options)
                 memory.pose = self.pose(q=required(path)[0])
             memory.positions = u
-            if self._slipping:
-                self._slide(before.configurations, memory.pose.configurations)
         return memory.pose
 
     def _stepped(self, before: Pose, u: FloatArray) -> Pose | None:
@@ -709,8 +703,6 @@ class Dynamics:
         state = self._terms.state(state, self._carried(pose, law, v, a))
         if law.needs("torque") and loads is not None:
             state = state._replace(torque=loads.take(law.rows, axis=2))
-        if law.slips is not None and pose is self._memory.pose:
-            state = state._replace(slips={law.term.at: self.slips[law.slips]})
         return np.asarray(law.term.law(state, law.term.at))
 
     def _carried(self, pose: Pose, law: _Law, v: FloatArray, a: FloatArray) -> FloatArray | None:
@@ -731,45 +723,6 @@ class Dynamics:
         joint_term(kind)
         values = dict(zip(self.parameters.labels, self.values.tolist(), strict=True))
         return np.array([values.get(f"{each}.{kind}", 0.0) for each in self.robot.independent])
-
-    # Friction that builds up.
-
-    @property
-    def slips(self) -> FloatArray:
-        """States (k,) of the elements of Maxwell slip, from -1 to 1, to be read and to be set.
-
-        In the order of their ``parameters``. They begin at 0, and follow the positions; each thread
-        has its own.
-        """
-        states = getattr(self._memory, "slips", None)
-        return np.zeros(len(self._slipping)) if states is None else np.array(states)
-
-    @slips.setter
-    def slips(self, states: FloatArray) -> None:
-        given = shaped(states, "slips", len(self._slipping))
-        if np.abs(given).max(initial=0.0) > 1:
-            raise DataError(f"slips must be from -1 to 1, not {given.tolist()}", argument="slips")
-        self._memory.slips = np.array(given)
-
-    @cached_property
-    def _slipping(self) -> list[tuple[str, float]]:
-        """Joint and displacement of each element of Maxwell slip."""
-        labels = self._terms.parameters(self.robot)
-        terms = ((each.link, joint_term(each.kind)) for each in labels)
-        return [(link, term.at) for link, term in terms if "slip" in term.needs]
-
-    def _slide(self, before: FloatArray, after: FloatArray) -> None:
-        """Let the elements go on from configurations (1, nq) to others."""
-        ends = (
-            np.array([position_of(self.robot.joint(joint), q)[0] for joint, _ in self._slipping])
-            for q in (before, after)
-        )
-        first, last = ends
-        way = last - first
-        turns = [self.robot.joint(joint).nq == 2 for joint, _ in self._slipping]
-        way = np.where(turns, np.mod(way + np.pi, 2 * np.pi) - np.pi, way)
-        moved = way / np.array([at for _, at in self._slipping])
-        self._memory.slips = slipped(self.slips, moved)
 
     # Arguments.
 
@@ -819,21 +772,19 @@ def _standard(base: Any, values: FloatArray, prior: FloatArray) -> FloatArray:
 
 
 def _laws_of(robot: Robot, terms: JointTerms) -> Iterator[_Law]:
-    """Joint terms, each kind for all joints that have it; all elements of hysteresis together."""
+    """Joint terms, each kind for all joints that have it; in steady motion hysteresis has none."""
     kinds: dict[str, list[int]] = {}
     labels = terms.parameters(robot)
     for column, each in enumerate(labels):
-        shared = "Fh" if joint_term(each.kind).prior == HYSTERESIS else each.kind
-        kinds.setdefault(shared, []).append(column)
-    slipping = [j for j, each in enumerate(labels) if "slip" in joint_term(each.kind).needs]
+        if "slip" not in joint_term(each.kind).needs:
+            kinds.setdefault(each.kind, []).append(column)
     places = {joint: row for row, joint in enumerate(robot.independent)}
     for columns in kinds.values():
         term = joint_term(labels[columns[0]].kind)
         names = tuple(labels[j].link for j in columns)
         rows = np.array([places.get(name, -1) for name in names], dtype=np.int64)
-        slips = np.searchsorted(slipping, columns) if "slip" in term.needs else None
         joints, own = robot.velocity_indices(names), np.array(columns, dtype=np.int64)
-        yield _Law(term, joints, own, names, rows, slips)
+        yield _Law(term, joints, own, names, rows)
 
 
 def _balanced(robot: Robot, inertia: FloatArray, forces: FloatArray) -> FloatArray:

@@ -159,13 +159,7 @@ class JointTerm:
         object.__setattr__(self, "units", plain)
 
     def signal(self, joint: JointState, count: int) -> FloatArray:
-        """What the coefficient multiplies in ``count`` states of a joint, (count,).
-
-        Raises
-        ------
-        DataError
-            When the law gives something else, or what is not finite.
-        """
+        """What the coefficient multiplies in ``count`` states of a joint, (count,)."""
         found = np.asarray(self.law(joint, self.at), dtype=np.float64)
         if found.shape not in ((), (count,)):
             raise DataError(

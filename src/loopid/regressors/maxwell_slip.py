@@ -31,11 +31,6 @@ def slip_displacements(span: float) -> FloatArray:
     return np.asarray(LARGEST * span * 0.5 ** np.arange(ELEMENTS))
 
 
-def slipped(states: FloatArray, ways: FloatArray) -> FloatArray:
-    """States (..., k) after further ways (..., k), in parts of the elements' displacements."""
-    return np.asarray(np.clip(states + ways, -1.0, 1.0))
-
-
 def slip_states(
     position: FloatArray, displacements: FloatArray, start: FloatArray | None = None
 ) -> FloatArray:
@@ -50,7 +45,7 @@ def slip_states(
     for first, last in pairwise([0, *turns.tolist(), len(position) - 1]):
         rows = slice(first + 1, last + 1)
         moved = (position[rows, None] - position[first]) / displacements
-        states[rows] = slipped(states[first], moved)
+        states[rows] = np.clip(states[first] + moved, -1.0, 1.0)
     return states
 
 

@@ -176,10 +176,10 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
     model: list[Part] = [] if found.cutoff is None else [charts.filter_chart(found.cutoff)]
     model.append(_candidates_table(found))
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
-    values = _estimates_table(found)
+    values, robot_values = _values(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
-    if (table := _robot_table(found)).row_count:
-        yield Section("Values of bodies and joints", (table,), folded=True, short="Robot")
+    if robot_values.row_count:
+        yield Section("Values of bodies and joints", (robot_values,), folded=True, short="Robot")
 
 
 def _forces(found: Identification, motors: tuple[str, ...], worst: str) -> Iterator[Part]:
@@ -315,33 +315,23 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
     }
 
 
-def _estimates_table(found: Identification) -> Table:
-    """All values of the recommended fit."""
-    fit, file = found.fit, charts.file_values(found)
+def _values(found: Identification) -> tuple[Table, Table]:
+    """All values of the recommended fit; bodies and joints of its robot, and their source."""
+    fit, model, name = found.fit, found.force_model, found.recommended.name
+    own = zip(model.base.parameters, model.standard_prior.tolist(), strict=True)
+    file = charts.file_values(found)
+    file |= {each.label: number(value) for each, value in own if each.kind in KINDS}
     columns = {
         "parameter": "name",
         ">value ± std": lambda each: charts.value_text(each, fit.assumed),
         ">robot file": lambda each: file.get(each.name, "-"),
         ">95 % interval": lambda each: interval(*each.interval),
     }
-    title = f"recommended: {found.recommended.name}, as in parameters.yaml"
-    return table_of(title, columns, alone(fit))
-
-
-def _robot_table(found: Identification) -> Table:
-    """Masses, moments, rotors and friction of the recommended robot, and their source."""
-    file = found.force_model.standard_prior.tolist()
-    known = zip(found.force_model.base.parameters, file, strict=True)
-    bodies = {each.label: value for each, value in known if each.kind in KINDS}
-    columns = {
-        "parameter": "name",
-        ">value": lambda each: f"{with_error(each.value, each.standard_error)[0]} {each.unit}",
-        ">95 % interval": lambda each: interval(*each.interval),
-        ">file": lambda each: number(bodies.get(each.name)),
-        "by": lambda each: "log" if each.determined else "file",
-    }
-    title = f"robot: {found.recommended.name}"
-    return table_of(title, columns, found.fit.standard.values())
+    source = {"by": lambda each: "log" if each.determined else "file"}
+    return (
+        table_of(f"recommended: {name}, as in parameters.yaml", columns, alone(fit)),
+        table_of(f"robot: {name}", columns | source, fit.standard.values()),
+    )
 
 
 def _candidates_table(found: Identification) -> Table:
