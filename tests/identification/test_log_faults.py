@@ -379,6 +379,17 @@ def test_exchanged_positions_that_hardly_ever_close_are_no_explanation(runs):
     assert "scaled by 0.0" in said.title
 
 
+@pytest.mark.parametrize("what", ["position", "force"])
+def test_exchanged_columns_are_named_where_motors_mostly_stand(load_once, what):
+    robot = load_once("3ups_rpu")
+    log = read_log("urdf/logs/3ups_rpu.csv", robot)
+    exchanged = {what: getattr(log, what)[:, [1, 0, 2, 3]]}
+    run = quietly(loopid.prepare, robot, replace(log, **exchanged))
+    assert run.used[:, 0].mean() < 0.5
+    (said,) = log_faults(robot, [run]).mistakes
+    assert said.title == f"the {what}s of leg1_stroke and leg2_stroke are exchanged"
+
+
 def test_forces_of_another_source_have_no_size(load_once):
     """As the current of a lift beside its counterweight: near constant, whatever the arm does."""
     robot = load_once("five_bar")
@@ -600,7 +611,7 @@ def test_a_gain_of_all_motors_has_bodies_as_heavy_as_the_file_on_average(tmp_pat
 @pytest.mark.parametrize(("after", "worth"), [((31.0, 8.0), False), ((31.0, 5.0), True)])
 def test_inertia_is_missing_where_a_motor_lacks_it(after, worth):
     before, after = (
-        Explanation(None, 0.0, None, np.array(error), *(None,) * 3)
+        Explanation(None, 0.0, None, np.array(error), *(None,) * 4)
         for error in ((32.0, 9.0), after)
     )
     found = _Find("factor", (0, 1), after=after, evidence=4.0, size=0.004, reach=0.43)
@@ -617,7 +628,7 @@ def test_inertia_is_missing_where_a_motor_lacks_it(after, worth):
 )
 def test_a_mistake_of_positions_mends_the_motor_that_is_explained_worst(before, after, clear):
     found, mended = (
-        Explanation(None, evidence, None, np.array(error), *(None,) * 3)
+        Explanation(None, evidence, None, np.array(error), *(None,) * 4)
         for evidence, error in ((0.0, before), (30.0, after))
     )
     model = SimpleNamespace(

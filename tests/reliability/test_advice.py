@@ -871,7 +871,7 @@ OF_FILES = {
     ),
     "masses of many bodies": (
         masses(fit_of_bases),
-        "the recommended fit of the same robot does",
+        "whose recommended fit has bodies",
         masses(fit_of_bodies),
     ),
     "the robot's own file": (

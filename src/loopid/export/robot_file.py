@@ -204,6 +204,11 @@ def body_parameters(
     values, every = finite(standard_parameters, "standard parameters"), robot.parameters()
     if parameters is None:
         parameters = every if len(values) == len(every) else robot.parameters("gravity")
+    if values.shape != (len(parameters),):
+        raise DataError(
+            f"standard parameters must have shape ({len(parameters)},), not {values.shape}: give "
+            "their names where joint terms are among them"
+        )
     known = dict(zip(parameters.labels, values.tolist(), strict=True))
     model = "full" if known.keys() >= {*every.labels} else "gravity"
     own = np.array([known[label] for label in robot.parameters(model).labels])

@@ -84,6 +84,8 @@ class Explanation(NamedTuple):
     shape: FloatArray  # (d,), of the forces less friction and inertia of the drive
     carried: FloatArray  # (d,), of the forces by the bodies
     drives: BoolArray  # (d,), whether friction would give energy, and does not count
+    # (d,), logarithms of how much likelier friction that takes in energy makes a log
+    friction: FloatArray
 
 
 class _Table(NamedTuple):
@@ -112,7 +114,7 @@ class Evidence:
         logs = [one.log for one in recordings]
         self.log = logs[0]
         self.rates_measured = all(log is not None and log.velocity is not None for log in logs)
-        parts = [self._samples(one, SAMPLES // len(recordings)) for one in recordings]
+        parts = [self._samples(one, len(recordings)) for one in recordings]
         self.q, self.rates, self.force, self.used, self.external = map(
             np.concatenate, zip(*parts, strict=True)
         )
@@ -135,11 +137,16 @@ class Evidence:
         self._tables: dict[Pose, _Table] = {}
         self._choose_columns()
 
-    def _samples(self, recording: Recording, most: int) -> list[Any]:
-        motion, rows = recording.motion, spread_rows(len(recording), most)
+    def _samples(self, recording: Recording, parts: int) -> list[Any]:
+        motion, used = recording.motion, recording.used
+        rows, least = spread_rows(len(recording), SAMPLES // parts), -(-LEAST_SAMPLES // parts)
+        if (used[rows].sum(axis=0) < least).any():  # motors often stand
+            own = [np.flatnonzero(each) for each in used.T]
+            spread = [moving[spread_rows(len(moving), least)] for moving in own]
+            rows = np.unique(np.concatenate(spread))
         signals = directions(recording), motion.velocities, motion.accelerations
         rates = [signal[rows] for signal in signals]
-        q, force, used = motion.configurations, recording.motor_force, recording.used
+        q, force = motion.configurations, recording.motor_force
         external = recording.force - force
         return [q[rows], np.stack(rates, axis=2), force[rows], used[rows], external[rows]]
 
@@ -337,7 +344,9 @@ class Evidence:
         bodies = z[:, None] * self._of_bodies[kept]
         carried = ((products @ bodies[..., None])[..., 0] * bodies).sum(axis=2)
         carried = np.sqrt(np.maximum(carried, 0.0))
-        found = undone, (-lost).tolist(), values, error, shape, carried, without
+        takes = (given * power).sum(axis=2) < 0
+        friction = takes * self.independent * (given**2).sum(axis=2) / error**2 / 2
+        found = undone, (-lost).tolist(), values, error, shape, carried, without, friction
         return list(map(Explanation, *found))
 
     def _scaled(
@@ -422,16 +431,6 @@ class Evidence:
             lag = max(float(error[1:] @ error[:-1]) / max(float(error @ error), TINY), 0.0)
             self.independent[k] = max(len(error) * (1 - lag) / (1 + lag), LEAST_INDEPENDENT)
         return self.explained([undone])[0]
-
-    def friction_evidence(self, found: Explanation) -> FloatArray:
-        """Logarithms (d,) of how much likelier friction that takes in energy makes a log."""
-        table = self._tables[_pose(found.undone)]
-        gain = np.array(found.undone.gain)
-        ends = np.column_stack([np.ones(len(gain)), -1 / gain])
-        z = np.column_stack([np.tile(found.values, (len(gain), 1)), ends])
-        given = (table.friction @ z[:, :, None])[:, :, 0]
-        takes = (given * table.power).sum(axis=1) < 0
-        return np.asarray(takes * self.independent * (given**2).sum(axis=1) / found.error**2 / 2)
 
     def heavier(self, found: Explanation) -> float:
         """By which part of the robot file's bodies all of a log are heavier, by least squares."""
