@@ -600,7 +600,7 @@ def test_a_gain_of_all_motors_has_bodies_as_heavy_as_the_file_on_average(tmp_pat
 @pytest.mark.parametrize(("after", "worth"), [((31.0, 8.0), False), ((31.0, 5.0), True)])
 def test_inertia_is_missing_where_a_motor_lacks_it(after, worth):
     before, after = (
-        Explanation(None, 0.0, None, np.array(error), *(None,) * 3)
+        Explanation(None, 0.0, None, np.array(error), *(None,) * 4)
         for error in ((32.0, 9.0), after)
     )
     found = _Find("factor", (0, 1), after=after, evidence=4.0, size=0.004, reach=0.43)
@@ -617,7 +617,7 @@ def test_inertia_is_missing_where_a_motor_lacks_it(after, worth):
 )
 def test_a_mistake_of_positions_mends_the_motor_that_is_explained_worst(before, after, clear):
     found, mended = (
-        Explanation(None, evidence, None, np.array(error), *(None,) * 3)
+        Explanation(None, evidence, None, np.array(error), *(None,) * 4)
         for evidence, error in ((0.0, before), (30.0, after))
     )
     model = SimpleNamespace(

@@ -140,29 +140,27 @@ class Delay(WithFindings):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is clear, with its intervals; none where nothing is."""
+        found = list[Finding]()
         if self.of_logs:
-            return (self._of_logs(), *replace(self, of_logs={}).findings)
-        if not self.clear:
-            return ()
-        numbers = zip(self.joints, self.each, self.intervals, self.undone, strict=True)
-        said = [_late(joint, *found) for joint, *found, undone in numbers if undone]
-        if np.ptp(self.undone) == 0:
-            said = [_late("all motors", self.common, self.interval)]
-        why = (
-            f"forces do not belong to the positions of their time, those of {'; '.join(said)}: "
-            "undone (undo_delay=False would keep them; 'delay' in a mapping undoes a known one)"
-        )
-        return (Finding("warning", "forces were late or early, which is undone", why),)
-
-    def _of_logs(self) -> Finding:
-        """Of logs whose delay is not that of the others."""
-        said = (
-            f"{name} are {1e3 * abs(late):.3g} ms {'later' if late > 0 else 'earlier'}"
-            for name, late in self.of_logs.items()
-        )
-        title = f"the delay of forces of {', '.join(self.of_logs)} differs from that of other logs"
-        why = f"forces of {', those of '.join(said)} beside their positions than in the others"
-        return Finding("warning", f"{title}, which is undone", why)
+            names = ", ".join(self.of_logs)
+            late = (
+                f"{name} are {1e3 * abs(late):.3g} ms {'later' if late > 0 else 'earlier'}"
+                for name, late in self.of_logs.items()
+            )
+            title = f"the delay of forces of {names} differs from that of other logs"
+            why = f"forces of {', those of '.join(late)} beside their positions than in the others"
+            found.append(Finding("warning", f"{title}, which is undone", why))
+        if self.clear:
+            numbers = zip(self.joints, self.each, self.intervals, self.undone, strict=True)
+            said = [_late(joint, *own) for joint, *own, undone in numbers if undone]
+            if np.ptp(self.undone) == 0:
+                said = [_late("all motors", self.common, self.interval)]
+            why = (
+                f"forces do not belong to the positions of their time, those of {'; '.join(said)}: "
+                "undone (undo_delay=False would keep them; 'delay' in a mapping undoes a known one)"
+            )
+            found.append(Finding("warning", "forces were late or early, which is undone", why))
+        return tuple(found)
 
 
 def _late(whose: str, delay: float, interval: FloatArray | tuple[float, float]) -> str:
@@ -374,14 +372,12 @@ def in_time(
     if choice is not None and at is None:
         at = Sampled.of(force_model, logged, choice.chosen, n_jobs=n_jobs)
     of_logs = _delays_of_logs(force_model, logged, at)
-
-    def alike(one: Recording) -> Recording:
-        """A recording whose forces are as late as those of the other logs."""
-        late = np.full(len(robot.actuated), of_logs.get(one.name, 0.0))
-        return _moved(robot, one, late) if late.any() else one
-
     if of_logs:
-        kept = tuple(tuple(alike(one) for one in each) for each in kept)
+        late = {name: np.full(len(robot.actuated), own) for name, own in of_logs.items()}
+        kept = tuple(
+            tuple(_moved(robot, one, late[one.name]) if one.name in late else one for one in each)
+            for each in kept
+        )
         choice, at = cutoff_and_samples(force_model, kept[0], n_jobs=n_jobs)
         logged = _logged(kept[0])
     delay = _delay_of(force_model, logged, None if choice is None else choice.chosen, at)

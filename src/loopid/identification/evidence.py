@@ -84,6 +84,8 @@ class Explanation(NamedTuple):
     shape: FloatArray  # (d,), of the forces less friction and inertia of the drive
     carried: FloatArray  # (d,), of the forces by the bodies
     drives: BoolArray  # (d,), whether friction would give energy, and does not count
+    # (d,), logarithms of how much likelier friction that takes in energy makes a log
+    friction: FloatArray
 
 
 class _Table(NamedTuple):
@@ -337,7 +339,9 @@ class Evidence:
         bodies = z[:, None] * self._of_bodies[kept]
         carried = ((products @ bodies[..., None])[..., 0] * bodies).sum(axis=2)
         carried = np.sqrt(np.maximum(carried, 0.0))
-        found = undone, (-lost).tolist(), values, error, shape, carried, without
+        takes = (given * power).sum(axis=2) < 0
+        friction = takes * self.independent * (given**2).sum(axis=2) / error**2 / 2
+        found = undone, (-lost).tolist(), values, error, shape, carried, without, friction
         return list(map(Explanation, *found))
 
     def _scaled(
@@ -422,16 +426,6 @@ class Evidence:
             lag = max(float(error[1:] @ error[:-1]) / max(float(error @ error), TINY), 0.0)
             self.independent[k] = max(len(error) * (1 - lag) / (1 + lag), LEAST_INDEPENDENT)
         return self.explained([undone])[0]
-
-    def friction_evidence(self, found: Explanation) -> FloatArray:
-        """Logarithms (d,) of how much likelier friction that takes in energy makes a log."""
-        table = self._tables[_pose(found.undone)]
-        gain = np.array(found.undone.gain)
-        ends = np.column_stack([np.ones(len(gain)), -1 / gain])
-        z = np.column_stack([np.tile(found.values, (len(gain), 1)), ends])
-        given = (table.friction @ z[:, :, None])[:, :, 0]
-        takes = (given * table.power).sum(axis=1) < 0
-        return np.asarray(takes * self.independent * (given**2).sum(axis=1) / found.error**2 / 2)
 
     def heavier(self, found: Explanation) -> float:
         """By which part of the robot file's bodies all of a log are heavier, by least squares."""

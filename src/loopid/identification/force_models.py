@@ -434,8 +434,7 @@ class ForceModel:
             state = self._state_of_log(recording, joint, [columns[k] for k in own])
             if joint in robot.independent:
                 load = np.abs(loads[:, robot.independent.index(joint)])
-                size = np.interp(np.arange(len(state.rate)), history.rows, load)
-                state = state._replace(torque=size)
+                state = state._replace(torque=recording.at_log_rate(load))
             for k in own:
                 law = joint_term(self.parameters[columns[k]].kind)
                 signals[:, k] = history.bridged(joint, law.signal(state, len(signals)))

@@ -601,7 +601,7 @@ def _moved_by_hand(model: Evidence, found: Explanation, clear: Sequence[_Find]) 
     """
     still = found.undone._replace(time=(0.0,) * len(found.undone.time))
     (plain,) = model.explained([still])
-    friction = model.friction_evidence(plain)[list(model.present)]
+    friction = plain.friction[list(model.present)]
     if plain.evidence - found.evidence < EVIDENCE or friction.max() > EVIDENCE + log(len(friction)):
         return False
     gained = model.beside_rivals(plain).evidence - model.beside_rivals(found).evidence

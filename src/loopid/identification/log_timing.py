@@ -57,10 +57,7 @@ def held_values(log: Log) -> Iterator[Finding]:
 def late_by_seconds(robot: Robot, recordings: Sequence[Recording]) -> Finding | None:
     """Forces that belong to positions of seconds before or after, by correlation.
 
-    At each shift the forces of each motor are explained. The bodies of the robot file, as a whole,
-    its friction, inertia and an offset do that. One shift explains the forces of all motors best.
-    It counts where it explains them clearly better than any that a delay has, by samples that are
-    many enough: of few independent ones, some shift explains all.
+    One shift explains the forces of all motors clearly better than any that a delay has.
     """
     one = max(recordings, key=len)
     lags, errors, freedom = _errors_by_lag(robot, one)

@@ -257,10 +257,8 @@ def missing_forces(
 ) -> tuple[MissingForce, ...]:
     """What each motor shows beside a fit of recordings: the likeliest force that is clear, if any.
 
-    Where none is, a spring that is likely, or would not show. Or lengths of the robot file, or a
-    zero, that are off, where that is likelier than any force. The fit is of all parameters of the
-    force model. What is left of the delay is fitted beside: it looks like lengths, and like other
-    motors.
+    Where none is, a spring that is likely, or would not show. Or a length or zero that is off,
+    where that is likelier. What is left of the delay is fitted beside, as it looks like these.
     """
     if fit.result.noise is None:
         return ()
@@ -382,21 +380,14 @@ def with_offsets(fit: WorkingFit, motors: Sequence[str]) -> Fit:
 def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> States:
     """Of the motors with one coordinate; loads (N, dof) move the bodies."""
     robot, motion, history = force_model.robot, recording.motion, recording.history
-    known = np.arange(len(recording)) if history is None else history.rows
-    rows = np.arange(len(recording) if history is None else len(history.velocity))
-
-    def whole(signal: FloatArray) -> FloatArray:
-        return np.interp(rows, known, signal)
-
-    found = {}
+    whole, found = recording.at_log_rate, {}
     for motor in robot.actuated:
         joint = robot.joint(motor)
         if joint.nv != 1 or motor not in recording.actuators:
             continue
         index = recording.actuators.index(motor)
         q = position_of(joint, motion.configurations)
-        if joint.nq == 2:
-            q = np.unwrap(q)
+        q = np.unwrap(q) if joint.nq == 2 else q
         q = q - (q.max() + q.min()) / 2
         rate = motion.velocities[:, index] if history is None else history.of_joint(robot, motor)
         usual, steepest = float(np.sqrt((rate**2).mean())), STEEPEST

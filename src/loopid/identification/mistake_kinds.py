@@ -22,8 +22,6 @@ LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the
 TURN = 2 * pi  # motors hardly move further, in rad or characteristic lengths
 Motors = tuple[int, ...]
 Cause = tuple[float, str]  # a size, and what it is called; nothing of a factor without a name
-
-
 # A title, the size with its interval where it has one, and what to do, such that it can be typed.
 Called = tuple[str, str, str]
 
@@ -151,19 +149,17 @@ class Mistaken(NamedTuple):
             for motor, gain in zip(self.model.names, self.found.undone.gain, strict=True):
                 if gain != 1:
                     scales[motor] = scales.get(motor, 1.0) / gain
-        motors = self.names or (*scales,)
-        undo = dict.fromkeys(motors, 1 / self.factor)
+        motors = self.names or self.model.names
+        sizes = [self.factor] * len(motors)
         if self.own is not None:
-            undo = dict(zip(motors, 1 / self.own.gains[list(self.own.motors)], strict=True))
-        if self.cause is None:
-            undo = {name: float(f"{x:.3g}") for name, x in undo.items()}
-        now = {name: scales.get(name, 1.0) for name in (*scales, *motors)}
-        found = {name: x * undo.get(name, 1.0) for name, x in now.items()}
-        if set(now.values()) <= {1.0}:
-            found = undo
-        given = "{" + ", ".join(f"{name}: {x:.7g}" for name, x in found.items()) + "}"
-        if not self.names and len(set(found.values())) <= 1:
-            given = f"{next(iter(found.values()), 1 / self.factor):.7g}"
+            sizes = self.own.gains[list(self.own.motors)].tolist()
+        for name, size in zip(motors, sizes, strict=True):
+            undo = 1 / size if self.cause else float(f"{1 / size:.3g}")
+            scales[name] = scales.get(name, 1.0) * undo
+        found = [f"{name}: {x:.7g}" for name, x in scales.items() if name in motors or x != 1.0]
+        given = "{" + ", ".join(found) + "}"
+        if not self.names and len(set(scales.values())) == 1:
+            given = f"{scales[motors[0]]:.7g}"
         return f"set {key}: {given} in the mapping"
 
 

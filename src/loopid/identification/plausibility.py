@@ -40,14 +40,9 @@ SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
 
 def absurdities(fit: Estimates, data: FitSamples) -> tuple[str, ...]:
-    """Laws that a fit of a force model breaks, a sentence each; none for a sane one.
+    """Laws that a fit of a force model breaks (docs/not_fit.md), a sentence each.
 
-    Friction of a motor does not drive, clear of its band, unless forces hold what drives add
-    (``Fit.turning``). Nor is it by a tenth more than the largest force that the motor showed, at
-    any rate up to the fastest of the log. No two joint terms, nor one and the bodies, cancel to
-    less than a hundredth of their size. No joint term is more than all of the motor's force, and no
-    spring more than that and what the bodies of the robot file take, which it may carry. Samples
-    are those that were fitted.
+    Samples are those that were fitted. What a spring carries may be more than the motor's force.
     """
     found = [*_of_friction(fit)]
     for row in range(len(data.actuators)):
@@ -61,24 +56,22 @@ def nothing_follows(every: Estimates) -> bool:
     return not (every.quality.r_squared >= NOISE).any()
 
 
-def require_sane(fit: Estimates, anyway: bool) -> None:
-    """Refuse a fit that breaks a law, on its logs or by its values, unless ``anyway`` is given."""
-    _require((*fit.broken, *(() if fit.broken else _of_friction(fit))), fit, anyway)
-
-
 def require_fit_for_use(fit: Estimates, anyway: bool) -> None:
     """Refuse a fit for other programs that is not fit for use, unless ``anyway`` is given.
 
     It breaks a law, is of a log with a mistake, leaves a force unexplained, or has friction that
     drives.
     """
-    require_sane(fit, anyway)
     driving = _of_friction(replace(fit, turning=())) if fit.turning else ()
-    _require((*fit.mistakes, *fit.unexplained, *driving), fit, anyway)
+    require_sane(fit, anyway, *fit.mistakes, *fit.unexplained, *driving)
 
 
-def _require(reasons: tuple[str, ...], fit: Estimates, anyway: bool) -> None:
-    """Refuse a fit for the first of some reasons, and say what to do."""
+def require_sane(fit: Estimates, anyway: bool, *others: str) -> None:
+    """Refuse a fit that breaks a law, on its logs or by its values, unless ``anyway`` is given.
+
+    Or for other reasons. The first one is told, with what to do.
+    """
+    reasons = *fit.broken, *(() if fit.broken else _of_friction(fit)), *others
     if anyway or not reasons:
         return
     because, mend = f", as {reasons[0]}", SANE

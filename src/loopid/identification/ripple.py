@@ -92,11 +92,8 @@ def _of_motor(
 
 def _waves(run: Recording, position: FloatArray, number: float) -> FloatArray:
     """Sine and cosine (N, 2) over positions (N,), filtered at the rate of the log."""
-    if run.history is not None:
-        rows = np.arange(len(run.history.velocity))
-        position = np.interp(rows, run.history.rows, position)
-    waves = np.stack([np.sin(number * position), np.cos(number * position)], axis=1)
-    return run.lowpassed(waves)
+    angle = number * run.at_log_rate(position)
+    return run.lowpassed(np.stack([np.sin(angle), np.cos(angle)], axis=1))
 
 
 def _likeliest(position: FloatArray, left: FloatArray, most: float) -> tuple[list[float], int]:

@@ -8,7 +8,6 @@ squares, Σ w² x s ψ(r / s) / m = 0. So each row counts by ψ(r / s) / (r / s)
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -47,29 +46,18 @@ ITERATIONS, HELD_FROM = 200, 20
 LEAST_SLOPE = 0.1
 
 
-class _Score(NamedTuple):
-    """How residuals u, in units of their scale, count: by ψ(u) / u, and the derivative ψ'(u)."""
+def huber(u: FloatArray, limit: float) -> tuple[FloatArray, FloatArray]:
+    """How residuals u, in units of their scale, count: by ψ(u) / u, and ψ'(u).
 
-    weight: Callable[[FloatArray], FloatArray]
-    slope: Callable[[FloatArray], FloatArray]
-
-
-def huber(limit: float) -> _Score:
-    """Residuals beyond the limit count as if they were at it: ψ(u) = min(|u|, c) sign u."""
-    return _Score(
-        lambda u: np.asarray(limit / np.maximum(np.abs(u), limit)),
-        lambda u: np.asarray(np.abs(u) <= limit, dtype=np.float64),
-    )
+    Those beyond the limit count as if they were at it.
+    """
+    return limit / np.maximum(np.abs(u), limit), np.asarray(np.abs(u) <= limit, dtype=np.float64)
 
 
-def bisquare(limit: float) -> _Score:
-    """Residuals beyond the limit do not count at all [Beaton1974]: ψ(u) = u (1 - (u / c)²)²."""
-
-    def slope(u: FloatArray) -> FloatArray:
-        square = (u / limit) ** 2
-        return np.where(square < 1, (1 - square) * (1 - 5 * square), 0.0)
-
-    return _Score(lambda u: np.asarray(np.maximum(1 - (u / limit) ** 2, 0.0) ** 2), slope)
+def bisquare(u: FloatArray, limit: float) -> tuple[FloatArray, FloatArray]:
+    """As ``huber``; residuals beyond the limit do not count at all [Beaton1974]."""
+    left = np.maximum(1 - (u / limit) ** 2, 0.0)
+    return left**2, left * (1 - 5 * (u / limit) ** 2)
 
 
 @record(checked=True)
@@ -112,30 +100,32 @@ class Bisquare(Estimator):
         """
         with one_blas_thread():
             plain = WeightedLeastSquares().fit(samples.problem)
-            found = self._iterated(samples, huber(HUBER_LIMIT), plain.values, plain.weights)
-            score = bisquare(self.tuning)
-            found = self._iterated(samples, score, found.values, found.weights, found.scale)
-            return _working_fit(samples, score, found)
+            found = self._iterated(samples, plain.values, plain.weights)
+            found = self._iterated(samples, found.values, found.weights, found.scale)
+            return self._working_fit(samples, found)
 
     def _iterated(
         self,
         samples: FitSamples,
-        score: _Score,
         values: FloatArray,
         weights: FloatArray,
         held_scale: FloatArray | None = None,
     ) -> _State:
-        """Reweighted until the predicted forces stay; with scales of its own only roughly."""
+        """Reweighted until the predicted forces stay; by Huber, with own scales, only roughly."""
         problem = samples.problem
         tolerance = TOLERANCES[held_scale is not None]
         for k in range(ITERATIONS):
             residual = samples.residual(values)
             if k < HELD_FROM:
                 scale = _scales(samples, residual) if held_scale is None else held_scale
-            row_weights = score.weight(residual / scale) * samples.used
+            if held_scale is None:
+                own, slopes = huber(residual / scale, HUBER_LIMIT)
+            else:
+                own, slopes = bisquare(residual / scale, self.tuning)
+            row_weights = own * samples.used
             if k < HELD_FROM:
                 counts = (row_weights > 0).sum(axis=0).astype(float)
-                slope = _mean_slope(samples, score, residual / scale, row_weights > 0)
+                slope = _mean_slope(samples, slopes, row_weights > 0)
             squares = ((residual * row_weights / slope) ** 2).sum(axis=0)
             R = problem.weighted(weights)[:-1, :-1]
             weights = inverse_deviations(problem, squares, counts - leverages(problem, weights, R))
@@ -153,12 +143,29 @@ class Bisquare(Estimator):
             iterations=ITERATIONS,
         )
 
+    def _working_fit(self, samples: FitSamples, state: _State) -> WorkingFit:
+        """The least squares that the last state amounts to, without samples of weight zero.
 
-def _mean_slope(
-    samples: FitSamples, score: _Score, u: FloatArray, counting: BoolArray
-) -> FloatArray:
+        These would look like samples without error, and spoil the model of autocorrelation.
+        """
+        residual, present = samples.residual(state.values), samples.problem.samples > 0
+        row_weights = bisquare(residual / state.scale, self.tuning)[0] * samples.used
+        force = samples.predicted(state.values) + residual * row_weights / state.slope
+        working = replace(samples.with_force(force), used=row_weights > 0)
+        values, R = solved(working.problem, state.weights)
+        result = result_of(self.name, working.problem, values, R, state.weights, 1.0)
+        low = ((row_weights < DOWN_WEIGHTED) & samples.used).sum(axis=0)
+        share = low / np.maximum(samples.problem.samples, 1)
+        robustness = Robustness(
+            np.where(present, state.scale, np.nan), np.where(present, share, np.nan)
+        )
+        quality = fit_quality(samples.problem, values)
+        return WorkingFit(result, working).with_result(quality=quality, robustness=robustness)
+
+
+def _mean_slope(samples: FitSamples, slopes: FloatArray, counting: BoolArray) -> FloatArray:
     """Means (dof,) of ψ' over the samples (N, dof) that count; small without a normal core."""
-    counts, sums = counting.sum(axis=0), (score.slope(u) * counting).sum(axis=0)
+    counts, sums = counting.sum(axis=0), (slopes * counting).sum(axis=0)
     slope = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
     if (slope < LEAST_SLOPE).any():
         name = samples.actuators[int(slope.argmin())]
@@ -177,26 +184,6 @@ class _State(NamedTuple):
     weights: FloatArray
     scale: FloatArray
     slope: FloatArray
-
-
-def _working_fit(samples: FitSamples, score: _Score, state: _State) -> WorkingFit:
-    """The least squares that the last state amounts to, without samples of weight zero.
-
-    These would look like samples without error, and spoil the model of autocorrelation.
-    """
-    residual, present = samples.residual(state.values), samples.problem.samples > 0
-    row_weights = score.weight(residual / state.scale) * samples.used
-    force = samples.predicted(state.values) + residual * row_weights / state.slope
-    working = replace(samples.with_force(force), used=row_weights > 0)
-    values, R = solved(working.problem, state.weights)
-    result = result_of(Bisquare.name, working.problem, values, R, state.weights, 1.0)
-    low = ((row_weights < DOWN_WEIGHTED) & samples.used).sum(axis=0)
-    share = low / np.maximum(samples.problem.samples, 1)
-    robustness = Robustness(
-        np.where(present, state.scale, np.nan), np.where(present, share, np.nan)
-    )
-    quality = fit_quality(samples.problem, values)
-    return WorkingFit(result, working).with_result(quality=quality, robustness=robustness)
 
 
 def _scales(samples: FitSamples, residual: FloatArray) -> FloatArray:

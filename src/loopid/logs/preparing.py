@@ -210,21 +210,16 @@ def prepare_again(
         filtered = replace(run.filter or FilterOptions(), **changed)
         key = id(run.log), filtered, run.singularity_threshold
         if key not in whole:
-            whole[key] = quietly_prepared(robot, run, run.log, filtered)
+            with warnings.catch_warnings(action="ignore"):
+                whole[key] = prepare(
+                    *(robot, run.log),
+                    filter=filtered,
+                    singularity_threshold=run.singularity_threshold,
+                    # Loops close sooner from that.
+                    known=run.history.whole[1] if run.history else run.motion,
+                )
         found.append(whole[key].within(run))
     return tuple(found)
-
-
-def quietly_prepared(robot: Robot, run: Recording, log: Log, options: FilterOptions) -> Recording:
-    """A log, or a part, of a recording with other options; its loops close sooner from that."""
-    known = run.history.whole[1] if run.history else run.motion
-    with warnings.catch_warnings(action="ignore"):  # given when it was first prepared
-        return prepare(
-            *(robot, log),
-            filter=options,
-            singularity_threshold=run.singularity_threshold,
-            known=known,
-        )
 
 
 def at_cutoff(

@@ -301,6 +301,12 @@ class Recording(Tabular):
         """A signal at the rate of the log, filtered as the forces are, at the samples (N, ...)."""
         return signal if self.history is None else self.history.lowpassed(signal)
 
+    def at_log_rate(self, signal: FloatArray) -> FloatArray:
+        """A signal (N,) at all samples of the log, on a line between those that were kept."""
+        if self.history is None:
+            return signal
+        return np.interp(np.arange(len(self.history.velocity)), self.history.rows, signal)
+
     @property
     def at_rest(self) -> FloatArray:
         """What the filter spreads of each motor's friction while it stands or turns back (N, dof).
