@@ -267,7 +267,7 @@ class Evidence:
         powers = ((position - middle) / span)[..., None] ** np.arange(1 + DEGREE)
         powers = powers * self.size[forces][:, None, :, None]
         columns = np.eye(powers.shape[2])[:, :, None] * powers[:, :, :, None]
-        return np.asarray(columns.reshape(-1, *columns.shape[2:3], columns[0, 0, 0].size))
+        return np.asarray(columns.reshape(-1, powers.shape[2], columns[0, 0, 0].size))
 
     def _table(
         self, own: FloatArray, motors: IntArray, columns: FloatArray, closed: BoolArray
