@@ -213,15 +213,14 @@ def _delay_of(
     sampled: Sampled | None = None,
 ) -> Delay | None:
     """As ``find_delay``, of recordings with logs, which may be known at a cut-off."""
-    best: Delay | None = None
-    tried = list[Delay]()
+    best, tried = None, list[Delay]()
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
             found, slips = _found(force_model, logged, band, sampled)
-            if found is None:
-                if best is not None:
-                    break
+            if found is None and best is None:
                 continue
+            if found is None:
+                break
             tried.append(found)
             if best is None or _sharpens(found, best):
                 best = found
