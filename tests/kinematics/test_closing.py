@@ -12,7 +12,7 @@ from linkages import LINKAGES, five_bar, four_bar, rssr
 from loopid import random_configurations
 from loopid.errors import RobotFileError
 from loopid.kinematics import constraint_residual
-from loopid.kinematics.closing import DONE, _descend, _Points, close_by_continuation, close_loops
+from loopid.kinematics.closing import close_loops
 from loopid.kinematics.constraint import largest_residual
 
 ANYWHERE = (
@@ -53,37 +53,14 @@ def test_joints_that_their_limits_stop_let_others_close_the_loops(mechanism):
     assert ((gap < 1e-12) & inside).sum() > 35
 
 
-@pytest.mark.parametrize("close", [close_loops, close_by_continuation])
-def test_coordinates_that_may_not_move_do_not(close, linkage):
+def test_coordinates_that_may_not_move_do_not(linkage):
     robot = linkage("cross rssr")
     start = random_configurations(robot, 6) + np.random.default_rng(0).normal(0, 0.05, (6, 4))
     movable = robot.velocity_indices(robot.passive)
-    q, gap = close(robot, start, movable)
+    q, gap = close_loops(robot, start, movable)
     assert gap.max() < 1e-12
     motors = robot.velocity_indices(robot.actuated)
     np.testing.assert_array_equal(q[:, motors], start[:, motors])
-
-
-def test_continuation_finds_back_from_afar(mechanism):
-    q = random_configurations(mechanism, 40)
-    passive = mechanism.velocity_indices(mechanism.passive)
-    start = q.copy()
-    start[:, passive] += np.random.default_rng(1).uniform(-1, 1, (40, len(passive)))
-    found, _ = close_by_continuation(mechanism, start, passive)
-    # Newton's method alone does so from 17 of these starts.
-    assert (np.abs(found - q).max(axis=1) < 1e-8).sum() > 25
-
-
-@pytest.mark.parametrize("part", [0.7, -1.0])
-def test_a_part_of_a_residual_is_reached_as_well_as_none(part, linkage):
-    """The steps of a continuation."""
-    robot = linkage("cross rssr")
-    start = random_configurations(robot, 6) + np.random.default_rng(0).normal(0, 0.02, (6, 4))
-    points = _Points(robot, start)
-    goal = part * points.residual
-    _descend(points, np.arange(robot.model.nv), goal)
-    error = np.linalg.norm(points.residual - goal, axis=1)
-    assert error.max() < DONE * robot.length
 
 
 def reach(bars, angle):

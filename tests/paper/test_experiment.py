@@ -17,6 +17,8 @@ from loopid.paper.reproduction import (
     SPREAD,
     VISCOUS,
     WARM_UP,
+    friction_forces,
+    greatest_forces,
     run_experiment,
     simulate_stand_in,
     with_noise,
@@ -27,11 +29,6 @@ PARTS = ("inertial", "coriolis", "gravity")
 # Of the robot file, in the order of Table II (kg, kg m).
 TRUTH = [14.1434, -0.2905, 0.2905, 1.4418, 1.4418, 1.4418, 0.2905, -0.9496, -0.0538, -0.0783]
 TRUTH += [0.3643, -0.0086, 0.0087, -0.0087, -0.0087]
-
-
-@pytest.fixture(scope="module")
-def shares(paper):
-    return paper.shares
 
 
 def test_the_parts_add_up_to_the_forces_of_the_motion(knee, experiment):
@@ -59,28 +56,28 @@ def test_columns_are_in_the_order_of_table_ii_then_friction_by_limb(experiment, 
     np.testing.assert_array_equal(experiment.truth[16::2], VISCOUS)
 
 
-def test_inertia_and_coriolis_effects_are_lost_in_gravity(shares):
+def test_inertia_and_coriolis_effects_are_lost_in_gravity(experiment):
     # The paper's figures 2 and 3: at therapy speeds, gravity is all that counts.
-    assert shares.greatest["inertial"].max() < 0.2
-    assert shares.greatest["coriolis"].max() < 0.2
-    assert shares.greatest["gravity"].max() > 150
+    greatest = greatest_forces(experiment)
+    assert greatest["inertial"].max() < 0.2
+    assert greatest["coriolis"].max() < 0.2
+    assert greatest["gravity"].max() > 150
 
 
-def test_greatest_forces_are_those_of_all_trajectories(shares, experiment):
+def test_greatest_forces_are_those_of_all_trajectories(experiment):
     for part in PARTS:
         all_forces = np.concatenate([getattr(p, part) for p in experiment.parts.values()])
-        np.testing.assert_array_equal(shares.greatest[part], np.abs(all_forces).max(axis=0))
-        expected = getattr(experiment.parts[SHOWN], part)
-        np.testing.assert_array_equal(getattr(shares.parts, part), expected)
-    assert len(shares.time) == len(shares.friction) == len(shares.parts.gravity)
+        found = greatest_forces(experiment)[part]
+        np.testing.assert_array_equal(found, np.abs(all_forces).max(axis=0))
 
 
-def test_friction_opposes_the_way_that_each_motor_goes(shares, experiment):
+def test_friction_opposes_the_way_that_each_motor_goes(experiment):
     velocities = experiment.motions[SHOWN].velocities
+    friction = friction_forces(experiment.samples[SHOWN])
     moving = np.abs(velocities) > 1e-4
-    assert (np.sign(shares.friction)[moving] == np.sign(velocities)[moving]).all()
+    assert (np.sign(friction)[moving] == np.sign(velocities)[moving]).all()
     # The round-off of a motor that stands has no direction, so no Coulomb friction.
-    assert np.abs(shares.friction[np.abs(velocities) < 1e-7]).max() < 1e-3
+    assert np.abs(friction[np.abs(velocities) < 1e-7]).max() < 1e-3
 
 
 def test_the_noise_is_the_papers_and_no_two_parts_share_it(experiment):

@@ -116,14 +116,14 @@ def test_influence_is_no_accuracy(simulated):
 
 def test_both_ways_find_the_truth(paper, coarse):
     for steps in (paper.two_steps, identify_in_two_steps(coarse, seed=7)):
-        for result in (steps.in_steps, steps.together):
-            assert np.abs(deviations(result, steps.truth)).max() < 4
-        assert steps.together.parameters == steps.in_steps.parameters
+        for result in steps:
+            assert np.abs(deviations(result, coarse.truth)).max() < 4
+        assert steps[0].parameters == steps[1].parameters
 
 
 def test_friction_from_the_warm_up_alone_is_less_certain(paper):
-    steps = paper.two_steps
-    ratio = steps.in_steps.standard_errors / steps.together.standard_errors
+    in_steps, together = paper.two_steps
+    ratio = in_steps.standard_errors / together.standard_errors
     assert (ratio[15:] > 1.2).all()
     assert (ratio > 0.95).all()
 

@@ -227,29 +227,24 @@ def _representatives(vectors: FloatArray) -> tuple[FloatArray, tuple[IntArray, .
     return np.ascontiguousarray(vectors[chosen]), groups, error
 
 
-def good_selection(block: Block, budget: Budget, least_largest: float = 0.0) -> IntArray:
+def good_selection(block: Block, budget: Budget) -> IntArray:
     """A selection (k,) with a low ratio of largest to smallest eigenvalue, often the lowest.
 
-    The deadline of the budget ends the walks, not the first guess. Largest eigenvalues below
-    ``least_largest`` are no better than this one.
+    The deadline of the budget ends the walks, not the first guess.
     """
     if block.size == block.count:
         return np.arange(block.size)
     if comb(block.size, block.count) * block.count**2 <= LOOKED_AT:
         every = np.array(list(combinations(range(block.size), block.count)))
         values = np.linalg.svd(block.vectors[every], compute_uv=False) ** 2
-        largest = np.maximum(values[:, 0], least_largest or 1.0)
-        return np.asarray(every[(values[:, -1] / largest).argmax()])
+        ratios = values[:, -1] / np.maximum(values[:, 0], LEAST_RATIO)
+        return np.asarray(every[ratios.argmax()])
     best = np.sort(pivots(block.vectors, block.count))
-
-    def ratio(selection: IntArray) -> float:
-        levels = block.levels(selection)
-        return Levels(levels.smallest, max(levels.largest, least_largest)).ratio
-
     first = best
     try:
         for sides in SIDES:
-            best = min(best, walked(block, first, budget, sides), key=ratio)
+            walk = walked(block, first, budget, sides)
+            best = min(best, walk, key=lambda own: block.levels(own).ratio)
     except OutOfBudgetError:
         pass
     return best

@@ -120,7 +120,7 @@ class _Interval:
         self.options, self.keep = search.options, search.proof
         self.proof: list[Exclusion] = []
         least_largest = max(block.least_largest for block in blocks)
-        self.best = [good_selection(block, budget, least_largest) for block in blocks]
+        self.best = [good_selection(block, budget) for block in blocks]
         self._known = [
             [(own, block.levels(own))] for block, own in zip(blocks, self.best, strict=True)
         ]

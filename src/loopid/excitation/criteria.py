@@ -200,50 +200,42 @@ class Unknown:
         return OfCombinations(np.eye(len(labels))[sorted(rows)])
 
 
-@record
-class Known:
-    """What there is before the motion."""
+def known_before(
+    model: ForceModel,
+    basis: FloatArray,
+    rate: float,
+    *,
+    noise: float | Mapping[str, float] | None,
+    assumed: FloatArray,
+    after: Sequence[Recording],
+) -> tuple[FloatArray, FloatArray]:
+    """Deviations (motors,) of the forces at the rate of the run, and information (z, z) of logs.
 
-    noise: FloatArray  # (motors,), standard deviations of the motors' forces at the rate of the run
-    information: FloatArray  # (z, z), of the logs
-
-    @classmethod
-    def of(
-        cls,
-        model: ForceModel,
-        basis: FloatArray,
-        rate: float,
-        *,
-        noise: float | Mapping[str, float] | None,
-        assumed: FloatArray,
-        after: Sequence[Recording],
-    ) -> Known:
-        """Of logs, and of noise that is given, else that of the logs, else assumed (motors,).
-
-        Errors of filtered logs are autocorrelated. Independent ones at the rate stand for them that
-        have as much of an effect on a mean.
-        """
-        robot = model.robot
-        deviations = dict(zip(robot.actuated, assumed.tolist(), strict=True))
-        known = FitSamples.combined([model.samples(each) for each in after]) if after else None
-        spacing = 0.0
-        if known is not None:
-            spacing = float(np.mean([np.median(np.diff(each.motion.time)) for each in after]))
-            excitation = Excitation.of(model, known.problem)
-            found = quiet_fit(excited_samples(known, model.prior, excitation)).noise
-            assert found is not None
-            for k, name in enumerate(robot.independent):
-                each = found.samples[k] / found.effective_samples[k]
-                size = found.deviation[k] * np.sqrt(each * spacing * rate)
-                if name in deviations and size > 0:
-                    deviations[name] = float(size)
-        deviations = _given(noise, deviations)
-        information = np.zeros((basis.shape[1], basis.shape[1]))
-        if known is not None:
-            for k, name in enumerate(robot.independent):
-                rows = known.problem.factors[k, :, :-1] @ basis / deviations[name]
-                information += rate * spacing * rows.T @ rows
-        return cls(np.array([deviations[name] for name in robot.actuated]), information)
+    The noise is what is given, else that of the logs, else assumed (motors,). Errors of filtered
+    logs are autocorrelated. Independent ones at the rate stand for them that have as much of an
+    effect on a mean.
+    """
+    robot = model.robot
+    deviations = dict(zip(robot.actuated, assumed.tolist(), strict=True))
+    known = FitSamples.combined([model.samples(each) for each in after]) if after else None
+    spacing = 0.0
+    if known is not None:
+        spacing = float(np.mean([np.median(np.diff(each.motion.time)) for each in after]))
+        excitation = Excitation.of(model, known.problem)
+        found = quiet_fit(excited_samples(known, model.prior, excitation)).noise
+        assert found is not None
+        for k, name in enumerate(robot.independent):
+            each = found.samples[k] / found.effective_samples[k]
+            size = found.deviation[k] * np.sqrt(each * spacing * rate)
+            if name in deviations and size > 0:
+                deviations[name] = float(size)
+    deviations = _given(noise, deviations)
+    information = np.zeros((basis.shape[1], basis.shape[1]))
+    if known is not None:
+        for k, name in enumerate(robot.independent):
+            rows = known.problem.factors[k, :, :-1] @ basis / deviations[name]
+            information += rate * spacing * rows.T @ rows
+    return np.array([deviations[name] for name in robot.actuated]), information
 
 
 def _given(

@@ -6,13 +6,13 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import field, replace
 from time import monotonic
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from loopid.arguments import CHUNK, FloatArray, checked, row_blocks
 from loopid.errors import AccuracyWarning, DataError, DataWarning, OptionError, warn
-from loopid.excitation.criteria import Criteria, Known, OfCombinations, Unknown
+from loopid.excitation.criteria import Criteria, OfCombinations, Unknown, known_before
 from loopid.excitation.limits import Bounds, MotionLimits
 from loopid.excitation.problem import DesignOptions, Problem, follow, forces_by_file
 from loopid.excitation.search import (
@@ -245,7 +245,7 @@ def design_motion(
             options=options,
         )
         regular = find_poses(problem, poses)
-        known = Known.of(
+        noise, information = known_before(
             model,
             unknown.basis,
             options.rate,
@@ -253,26 +253,26 @@ def design_motion(
             assumed=_assumed_noise(problem, regular),
             after=after,
         )
-        problem = replace(problem, noise=known.noise, prior=known.information)
+        problem = replace(problem, noise=noise, prior=information)
         found = search(problem, regular, progress)
         run = _run(problem, found.X)
         if after:
-            before = _errors(_root(known.information), _root(known.information))
+            before = _errors(_root(information), _root(information))
         else:
-            before = _run(problem, found.start).standard_errors
+            before = _run(problem, found.start)["standard_errors"]
     start, waypoints = problem.shape.waypoints(found.X)
-    _warn_of_unexcited(problem, unknown.parameters, run.standard_errors)
+    _warn_of_unexcited(problem, unknown.parameters, run["standard_errors"])
     return ExcitationDesign(
         force_model=model,
         parameters=unknown.parameters,
         limits=limits,
         options=options,
-        **run._asdict(),
+        **run,
         start=start,
         waypoints=tuple(waypoints),
         errors_before=before,
         after_logs=bool(after),
-        noise=known.noise,
+        noise=noise,
         checks=found.checks,
         pairs=problem.bounds.pairs,
         solver=problem.solver,
@@ -346,19 +346,8 @@ def _warn_of_unexcited(problem: Problem, unknown: ParameterSet, errors: FloatArr
         )
 
 
-class Run(NamedTuple):
-    """A run of a motion, and its information with that from before; see ``ExcitationDesign``."""
-
-    motion: Motion
-    joint_motion: JointMotion
-    motors: Motion
-    forces: FloatArray
-    criteria: Criteria
-    standard_errors: FloatArray
-
-
-def _run(problem: Problem, X: FloatArray) -> Run:
-    """The run of the motion with variables X (m, c)."""
+def _run(problem: Problem, X: FloatArray) -> dict[str, Any]:
+    """Of an ``ExcitationDesign``, what a run of the motion with variables X (m, c) gives."""
     robot = problem.robot
     motion = problem.shape.motion(robot.independent, X, problem.options.rate)
     followed, factor = joint_motion(robot, motion), _root(problem.prior)
@@ -375,8 +364,11 @@ def _run(problem: Problem, X: FloatArray) -> Run:
     x = read.read(followed.configurations.copy())
     x[:, read.circular] = np.unwrap(x[:, read.circular], axis=0)
     motors = Motion(robot.actuated, motion.time, x, v, a)
-    errors = _expected_errors(problem, motors, forces)
-    return Run(motion, followed, motors, forces, Criteria.of(factor), errors)
+    return {
+        **{"motion": motion, "joint_motion": followed, "motors": motors, "forces": forces},
+        "criteria": Criteria.of(factor),
+        "standard_errors": _expected_errors(problem, motors, forces),
+    }
 
 
 def _expected_errors(problem: Problem, motors: Motion, forces: FloatArray) -> FloatArray:

@@ -226,11 +226,6 @@ class Problem:
         whole = rows.reshape(-1, rows.shape[2])
         return np.asarray(self.prior + self.samples / len(rows) * whole.T @ whole)
 
-    @property
-    def is_static(self) -> bool:
-        """Whether forces depend on the pose alone."""
-        return self.force_model.model != "full" and self.force_model.joint_terms is None
-
     @cached_property
     def _smooth_terms(self) -> JointTerms | None:
         terms = self.force_model.joint_terms
@@ -249,7 +244,8 @@ class Problem:
         depends on poses alone is left out there.
         """
         model, first = self.force_model.model, _first(motion, poses)
-        part = first if self.is_static else motion
+        static = model != "full" and self.force_model.joint_terms is None  # of the pose alone
+        part = first if static else motion
         K = motion_regressor(self.robot, part, model, joint_terms=self._smooth_terms)
         forces = self.forces(motion, K if model == "full" else None)
         moving = self.bounds.in_motion(motion, forces)

@@ -11,7 +11,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from time import monotonic
 from types import FrameType
 from typing import NamedTuple
@@ -226,14 +226,18 @@ class Search:
     X: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     checked: float = np.inf
     checks: tuple[Check, ...] = ()
+    converged: bool = False  # whether the solver ended by itself
     # Configurations (N, nq) from which the next point is reached
     near: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     _looked_at: float = np.inf
     _missed: int = 0
     _at: dict[bytes, Value | None] = field(default_factory=dict)
 
-    def run(self) -> bool:
-        """Let a solver work, again from its best point while that helps; whether it ended."""
+    def __post_init__(self) -> None:
+        self.start = self.problem.variables(self.best)  # (m, c)
+
+    def run(self) -> None:
+        """Let a solver work, again from its best point while that helps."""
         self._begin()
         before, solve = np.inf, SOLVERS[self.problem.solver]
         try:
@@ -246,9 +250,9 @@ class Search:
                 except Stuck:
                     continue
         except Stopped:
-            return False
+            return
         self._check(self.best, self.criterion, SHRINKS)
-        return True
+        self.converged = True
 
     def value(self, y: FloatArray, slopes: bool = False) -> Value | None:
         """Criterion and bounds at a point, with slopes if required; None out of reach."""
@@ -316,27 +320,18 @@ class Search:
                 raise Broken
 
 
-@record
-class Found:
-    """The best motion of a search."""
+def search(problem: Problem, poses: Poses, progress: DesignProgress | None = None) -> Search:
+    """The best search of all starts, one after the other; converged ones leave evaluations over.
 
-    start: FloatArray  # variables (m, c) of the motion that the search began with
-    X: FloatArray  # (m, c)
-    criterion: float
-    checks: tuple[Check, ...]  # all bounds on the finer grid
-    evaluations: int
-    converged: bool  # whether the solver ended by itself
-
-
-def search(problem: Problem, poses: Poses, progress: DesignProgress | None = None) -> Found:
-    """The best motion of all starts, one after the other; converged ones leave evaluations over."""
-    options, found, spent = problem.options, list[Found](), 0
+    Its evaluations, and whether it converged, are of all.
+    """
+    options, found, spent = problem.options, list[Search](), 0
     end = np.inf if options.time_limit is None else monotonic() + options.time_limit
     with _interrupted() as interrupted:
 
         def watch(evaluations: int, criterion: float) -> bool:
             if progress is not None:
-                best = min([criterion, *(each.criterion for each in found)])
+                best = min([criterion, *(each.checked for each in found)])
                 progress(spent + evaluations, options.evaluations, best)
             return interrupted.is_set() or monotonic() > end
 
@@ -347,13 +342,13 @@ def search(problem: Problem, poses: Poses, progress: DesignProgress | None = Non
             y, near = feasible_start(problem, poses, number)
             share = (options.evaluations - spent) // (options.starts - number)
             one = Search(problem, y, near, home, share, watch)
-            converged = one.run()
+            one.run()
             spent += one.evaluations
-            start = problem.variables(y)
-            found.append(Found(start, one.X, one.checked, one.checks, one.evaluations, converged))
-    best = min(found, key=lambda each: each.criterion)
-    converged = len(found) == options.starts and all(each.converged for each in found)
-    return replace(best, evaluations=spent, converged=converged)
+            found.append(one)
+    best = min(found, key=lambda each: each.checked)
+    best.converged = len(found) == options.starts and all(each.converged for each in found)
+    best.evaluations = spent
+    return best
 
 
 @contextmanager

@@ -34,7 +34,7 @@ from loopid.arguments import (
 )
 from loopid.errors import AccuracyWarning, AssemblyError, DataError, warn
 from loopid.kinematics.constraint import constraint_residual
-from loopid.kinematics.measured import Linearisation, MeasuredCoordinates, measured_coordinates
+from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.poses import blocks, difference, integrate
 from loopid.kinematics.projection import OPEN, SOFT, Solver
 from loopid.records import record
@@ -47,7 +47,6 @@ LONGEST_STEP = 0.4  # rad or characteristic lengths, of the first of these
 # Each further step as a part of the last at most. By Kantorovich's theorem one may then expect that
 # the root is unique around the start, hence the one on its branch.
 CONTRACTION = 0.2
-NEAR = 1e-2  # way of the unknown coordinates for which the start's tangent is followed first
 LEAST_WINDOW, WINDOW = 16, 256  # samples of a trajectory that are reached at a time
 REGULAR = 1e-6  # ratio of singular values above which inverses are good enough for such a step
 
@@ -306,32 +305,19 @@ def _followed(
     measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: AssemblyOptions
 ) -> Assembly:
     origin = measured.read(start)
-    way, at = measured.difference(origin, targets), _at_starts(measured, start, origin)
-    # The whole way at once, from where the start's tangent leads if that is near; else in steps.
-    begin = _predicted(measured, start, at, way)
-    found = correct(measured, begin, targets, options.short)
-    arrived = found.accepted & same_side(at.unknown, found.jacobian)
+    way, jacobian = measured.difference(origin, targets), measured.linearise(start, origin).unknown
+    found = correct(measured, start, targets, options.short)  # the whole way at once, else in steps
+    arrived = found.accepted & same_side(jacobian, found.jacobian)
     q = found.configurations
     if not arrived.all():
         k = np.flatnonzero(~arrived)
-        path = _Path(start[k], origin[k], way[k], at.unknown[k])
+        path = _Path(start[k], origin[k], way[k], jacobian[k])
         q[k], arrived[k] = _in_steps(measured, path, options)
         q = measured.write(q, targets)
     residual, small = _closed(measured, q, targets, options)
     assembled = arrived & small
     q[~assembled] = np.nan
     return Assembly(q, residual, assembled, largest_opening(measured.robot, options.tolerance))
-
-
-def _at_starts(
-    measured: MeasuredCoordinates, start: FloatArray, origin: FloatArray
-) -> Linearisation:
-    """The equations at starts (N, nq), once where samples one after the other begin at the same."""
-    new = np.append(True, (start[1:] != start[:-1]).any(axis=1))
-    if new.all():
-        return measured.linearise(start, origin)
-    rows = np.cumsum(new) - 1
-    return Linearisation(*(each[rows] for each in measured.linearise(start[new], origin[new])))
 
 
 class _Path(NamedTuple):
@@ -364,18 +350,6 @@ def _in_steps(
         step[k] *= np.where(good, 2.0, 0.5)
         k, tried = k[(done[k] < 1.0) & (step[k] >= options.shortest_step)], tried + 1
     return reached, done >= 1.0
-
-
-def _predicted(
-    measured: MeasuredCoordinates, start: FloatArray, at: Linearisation, way: FloatArray
-) -> FloatArray:
-    """Where the tangents lead that are short enough to be trusted; else the starts."""
-    if measured.holds:
-        return start
-    pull = at.known @ way[:, :, None]
-    steps = -Solver.of(at.unknown, REGULAR).solve(pull)[:, :, 0]
-    steps[np.abs(steps).max(axis=1, initial=0.0) > NEAR] = 0.0
-    return integrate(measured.robot, start, measured.tangent(steps))
 
 
 def largest_opening(robot: Robot, tolerance: float = CLOSURE_TOLERANCE) -> float:

@@ -46,7 +46,6 @@ WORTHWHILE = 0.999  # a step that leaves more of the error is damped more
 LESS, MORE = 0.3, 4.0  # factors of the damping after a step that helps, and after another
 DONE = 1e-9  # the error, in characteristic lengths, from which on plain steps do better
 SHORT = 1e-8  # a plain step this short leaves an error of round-off
-CONTINUATION_STEPS = 20  # equal parts that the residual shrinks by
 WALKS, WALK_STEPS, STEP = 8, 3, 0.1  # to poses nearby, each step in rad or characteristic lengths
 CLOSED = 1e-7  # residual of poses nearby that counts as closed, in characteristic lengths
 
@@ -80,19 +79,8 @@ def close_loops(
     """
     free = np.arange(robot.model.nv) if movable is None else movable
     points = _Points(robot, configurations)
-    _descend(points, free, np.zeros_like(points.residual))
+    _descend(points, free)
     return _polished(points, free)
-
-
-def close_by_continuation(
-    robot: Robot, configurations: FloatArray, movable: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """As ``close_loops``, shrinking the residual in equal parts so as to stay near the start."""
-    points = _Points(robot, configurations)
-    first = points.residual.copy()
-    for left in np.linspace(1.0, 0.0, CONTINUATION_STEPS + 1)[1:]:
-        _descend(points, movable, left * first)
-    return _polished(points, movable)
 
 
 @checked
@@ -158,17 +146,17 @@ def nearby_configurations(robot: Robot, configuration: FloatArray) -> FloatArray
     return np.concatenate([configuration[None], q[residual <= near]])
 
 
-def _descend(at: _Points, movable: IntArray, goal: FloatArray) -> None:
-    """Levenberg-Marquardt steps towards a residual, inside the limits."""
+def _descend(at: _Points, movable: IntArray) -> None:
+    """Levenberg-Marquardt steps inside the limits."""
     robot, length = at.robot, at.robot.length
     damping = np.full(len(at.q), FIRST_DAMPING * length)
-    error = np.linalg.norm(at.residual - goal, axis=1)
+    error = np.linalg.norm(at.residual, axis=1)
     for _ in range(DAMPED_STEPS if len(movable) else 0):
         k = np.flatnonzero((error > DONE * length) & (damping < STUCK * length))
         if not len(k):
             break
-        there = _Points(robot, _tried(at, k, movable, goal[k], damping[k]))
-        error_there = np.linalg.norm(there.residual - goal[k], axis=1)
+        there = _Points(robot, _tried(at, k, movable, damping[k]))
+        error_there = np.linalg.norm(there.residual, axis=1)
         damping[k] *= np.where(error_there < WORTHWHILE * error[k], LESS, MORE)
         damping = np.maximum(damping, LEAST_DAMPING * length)
         better = error_there < error[k]
@@ -191,16 +179,14 @@ def _polished(at: _Points, movable: IntArray) -> tuple[FloatArray, FloatArray]:
     return at.q, at.largest
 
 
-def _tried(
-    at: _Points, rows: IntArray, movable: IntArray, goal: FloatArray, damping: FloatArray
-) -> FloatArray:
+def _tried(at: _Points, rows: IntArray, movable: IntArray, damping: FloatArray) -> FloatArray:
     """Configurations after a damped step, in which joints that their limits stop take no part."""
     robot, q = at.robot, at.q[rows]
     moves = np.zeros(robot.model.nq, dtype=bool)
     moves[robot.first_positions[movable]] = True
     lower, upper = robot.position_limits
     lower, upper = np.where(moves, lower, -np.inf), np.where(moves, upper, np.inf)
-    columns, open_by = at.jacobian[rows][:, :, movable], at.residual[rows] - goal
+    columns, open_by = at.jacobian[rows][:, :, movable], at.residual[rows]
 
     def moved(columns: FloatArray) -> FloatArray:
         # Normal equations would lift round-off, and let processors find other poses.

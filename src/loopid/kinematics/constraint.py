@@ -35,15 +35,9 @@ class Constraint:
             poses = frame_poses(robot, q if ids else q[:0], ids, jacobians=jacobians)
         self.poses = poses
         p, R = self.poses.origin, self.poses.rotation
-        distance = p[:, 1::2] - p[:, ::2]
-        self.pairs = [
-            FramePair(
-                distance[:, group.closures].reshape(-1, 3, 1),
-                R[:, group.frames_a].reshape(-1, 3, 3),
-                R[:, group.frames_b].reshape(-1, 3, 3),
-            )
-            for group in self.prepared.groups
-        ]
+        distance = (p[:, 1::2] - p[:, ::2])[..., None]
+        count = range(distance.shape[1])
+        self.pairs = [FramePair(distance[:, k], R[:, 2 * k], R[:, 2 * k + 1]) for k in count]
 
     def repeated(self, count: int) -> Constraint:
         """The same, each configuration ``count`` times."""
@@ -105,26 +99,20 @@ class Constraint:
         return scaled, scaled_jacobian(self.robot, self.jacobian())
 
     def _pair_rates(self, linear: FloatArray, angular: Callable[[], FloatArray]) -> list[PairRates]:
-        """Rates of each group of closures from those of all frames (N, F, 3, k)."""
-        velocity, width = linear[:, 1::2] - linear[:, ::2], linear.shape[3]
-        rates = []
-        for group in self.prepared.groups:
-            own = turn_a = turn_b = velocity[:, group.closures].reshape(-1, 3, width)
-            if group.turns:  # otherwise no equation needs them
-                turns = angular()
-                turn_a = turns[:, group.frames_a].reshape(-1, 3, width)
-                turn_b = turns[:, group.frames_b].reshape(-1, 3, width)
-            rates.append(PairRates(own, turn_a, turn_b))
-        return rates
+        """Rates of each closure from those of all frames (N, F, 3, k)."""
+        turns = angular() if self.prepared.turns else linear  # else no equation needs them
+        return [
+            PairRates(linear[:, k + 1] - linear[:, k], turns[:, k], turns[:, k + 1])
+            for k in range(0, linear.shape[1], 2)
+        ]
 
     def _fill(self, out: FloatArray, value: Callable[[Equations, int], FloatArray]) -> None:
-        """Put what each equation of the k-th group gives in its rows of an array (N, rows, c)."""
-        count, _, width = out.shape
-        for k, group in enumerate(self.prepared.groups):
-            own, row = out[:, group.rows].reshape(count, group.closure_count, group.each, width), 0
-            for part in group.equations:
-                found = value(part, k).reshape(count, group.closure_count, part.count, width)
-                own[:, :, row : row + part.count] = found
+        """Put what each equation of the k-th closure gives in its rows of an array (N, rows, c)."""
+        (count, _, width), row = out.shape, 0
+        for k, closure in enumerate(self.robot.closures):
+            for part in closure.equations:
+                found = value(part, k).reshape(count, part.count, width)
+                out[:, row : row + part.count] = found
                 row += part.count
 
 

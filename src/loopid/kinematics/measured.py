@@ -39,8 +39,6 @@ class MeasuredCoordinates(ABC):
         self.unknown = unknown
         self.width = width
         self.scales = robot.coordinate_scales[unknown]
-        # Whether parts of joints stay as they are, which then depends on the way to a sample.
-        self.holds = bool(robot.unmeasured)
 
     @abstractmethod
     def read(self, q: FloatArray) -> FloatArray:

@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +19,6 @@ from loopid.arguments import FloatArray, IntArray, checked, samples
 from loopid.errors import DataError
 from loopid.parameters import model_kinds
 from loopid.records import derived
-from loopid.robot.closures import Equations, LoopClosure
 from loopid.robot.robot import Memory, Robot
 
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
@@ -60,47 +57,14 @@ class Prepared:
         # Of all frames: 1 where a coordinate moves a frame, else 0.
         self.supports = robot.supports(range(self.model.nframes)).astype(np.float64)
         self.rows, self.closure_rows = robot.rows, len(robot.row_closures)
-        self.groups = list(_groups(robot))
+        # Whether any equation depends on how the frames of its closure turn.
+        self.turns = any(part.turns for closure in robot.closures for part in closure.equations)
         # Row of each cable, and where its length is in configurations and in velocities.
         cables = [(row, *ends) for row, ends in robot.cable_rows.items()]
         self.cables = np.array(cables, dtype=np.int64).reshape(-1, 3).T
         self.units = robot.row_scales[:, None] * robot.coordinate_scales
         self.in_common_units = self.units * robot.moving
         self.few_enough: set[int] = set()  # numbers of independent coordinates
-
-
-class Group(NamedTuple):
-    """Closures one after the other that ask the same of their frames, and are worked on at once."""
-
-    closures: slice
-    frames_a: slice  # of the frames of all closures, two a closure
-    frames_b: slice
-    rows: slice  # of the equations of all closures
-    equations: tuple[Equations, ...]  # of each closure
-    closure_count: int
-    each: int  # rows of each
-    turns: bool  # whether any of these depends on how the frames turn
-
-
-def _groups(robot: Robot) -> Iterator[Group]:
-    """Closures whose equations have no numbers of their own, such as axes, can be in one group."""
-    first, row = 0, 0
-    for key, closures in groupby(robot.closures, _without_numbers):
-        alike = list(closures)
-        for group in [alike] if key else [[closure] for closure in alike]:
-            last, rows = first + len(group), slice(row, row + len(group) * group[0].rows)
-            ends = slice(2 * first, 2 * last, 2), slice(2 * first + 1, 2 * last, 2)
-            equations = group[0].equations
-            turns = any(part.turns for part in equations)
-            own = slice(first, last), *ends, rows, equations, len(group), group[0].rows, turns
-            yield Group(*own)
-            first, row = last, rows.stop
-
-
-def _without_numbers(closure: LoopClosure) -> tuple[type, ...]:
-    """The equations of a closure, none where they have numbers of their own."""
-    own = closure.equations
-    return () if any(vars(part) for part in own) else tuple(type(part) for part in own)
 
 
 @derived

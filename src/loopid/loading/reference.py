@@ -18,13 +18,7 @@ from loopid.errors import (
 )
 from loopid.kinematics import mobility
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE
-from loopid.kinematics.closing import (
-    FOLDED,
-    assembly_modes,
-    close_by_continuation,
-    close_loops,
-    nearby_configurations,
-)
+from loopid.kinematics.closing import FOLDED, assembly_modes, close_loops, nearby_configurations
 from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.freedoms import closed_at
 from loopid.kinematics.poses import difference, frame_poses, integrate
@@ -248,7 +242,6 @@ def _attempts(robot: Robot, given: Collection[str]) -> Iterator[tuple[FloatArray
         yield from zip(*close_loops(robot, start, joints), strict=True)
         if robot.rows == 0:
             return
-        yield from zip(*close_by_continuation(robot, start, joints), strict=True)
     generator = random_generator(0)
     for _ in range(STARTS // PART if left_out else 0):
         starts = np.stack([_scattered(robot, left_out, generator) for _ in range(PART)])

@@ -20,13 +20,15 @@ from loopid.paper.reproduction import (
     EIGHT,
     LEVEL,
     LIMBS,
+    SHOWN,
     TABLE_IV,
     TABLE_V,
     ActualFit,
-    ForceShares,
+    Experiment,
     PaperReproduction,
     SimulatedFit,
-    TwoSteps,
+    friction_forces,
+    greatest_forces,
 )
 from loopid.paper.structure import EXHAUSTIVE, TABLE_I, TABLE_II, TIMES, BaseComparison, Transfer
 from loopid.plots.chart import Chart, Mark, Panel
@@ -66,7 +68,7 @@ def paper_report(found: PaperReproduction) -> Report:
             f"{search.condition_number:.4f}: {_proof(search)} of {search.candidates:,} choices."
         ),
         card=_card(found),
-        pictures=lambda: (robot_chart(found.base.robot), share_charts(found.shares)[1]),
+        pictures=lambda: (robot_chart(found.base.robot), share_charts(found.experiment)[1]),
         under="Base parameters, their search, and identification; simulated where no log is given",
         record=lambda: {
             **json_fields(found, "geometry"),
@@ -201,7 +203,7 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
         "What the forces are made of": (
             "Forces",
             "All forces are simulated with the robot file, along trajectories of our own.",
-            share_charts(found.shares)[:1],
+            share_charts(found.experiment)[:1],
         ),
         "All other tables": ("Tables", "", _tables(found, subgroups)),
     }
@@ -218,8 +220,10 @@ def _tables(found: PaperReproduction, subgroups: dict[str, Any]) -> Iterator[Tab
         yield groups_table(search, f"subgroup search, {rule}: {groups}")
     table_i = ((name, f"{x:g}", f"{found.geometry[name]:.6g}") for name, x in TABLE_I.items())
     yield plain_table("Table I: geometry (m, degrees)", ("", ">paper", ">model"), table_i)
-    greatest = ((name, *(f"{x:.3g}" for x in v)) for name, v in found.shares.greatest.items())
-    limbs = [f">limb {k + 1}" for k in range(found.shares.friction.shape[1])]
+    greatest = (
+        (name, *(f"{x:.3g}" for x in v)) for name, v in greatest_forces(found.experiment).items()
+    )
+    limbs = [f">limb {k + 1}" for k in range(len(found.base.robot.actuated))]
     yield plain_table("greatest forces over all nine trajectories (N)", ("", *limbs), greatest)
     yield _fifteen_table(found.simulated)
     conditions = [("paper (not named)", *(f"{CONDITION_NUMBERS[n]:g}" for n in (15, 8)))]
@@ -227,7 +231,7 @@ def _tables(found: PaperReproduction, subgroups: dict[str, Any]) -> Iterator[Tab
         conditions.append(("all nine" if name == "all" else name, *(f"{x:.4g}" for x in both)))
     columns = "trajectory", ">15 parameters", ">first 8"
     yield plain_table("condition number of W_1, by trajectory", columns, conditions)
-    yield _steps_table(found.two_steps)
+    yield _steps_table(found)
 
 
 def base_table(comparison: BaseComparison) -> Table:
@@ -308,13 +312,13 @@ def _fitting(simulated: SimulatedFit) -> list[str]:
     return [str(text) for text in np.where(fit, "yes", np.where(single, "single", "no"))]
 
 
-def _steps_table(steps: TwoSteps) -> Table:
+def _steps_table(found: PaperReproduction) -> Table:
     """Friction first and gravity second, beside all at once."""
     rows = []
-    for k, parameter in enumerate(steps.together.parameters):
+    for k, parameter in enumerate(found.two_steps[0].parameters):
         name = paper_expression(TABLE_II[k]) if k < len(TABLE_II) else parameter.label
-        values = (_reach(result, k, ".4g") for result in (steps.in_steps, steps.together))
-        rows.append((name, f"{steps.truth[k]:.4g} {parameter.unit}", *values))
+        values = (_reach(result, k, ".4g") for result in found.two_steps)
+        rows.append((name, f"{found.experiment.truth[k]:.4g} {parameter.unit}", *values))
     columns = ("parameter", ">true", ">in two steps ± 95 %", ">together ± 95 %")
     title = "the indirect way, simulated: friction first, gravity second"
     return plain_table(title, columns, rows)
@@ -358,12 +362,13 @@ def _limb_chart(
     return Chart(f"figure_{number}", caption, "time (s)", tuple(panels), 2, zoom=f"figure {number}")
 
 
-def share_charts(shares: ForceShares) -> tuple[Chart, Chart]:
+def share_charts(experiment: Experiment) -> tuple[Chart, Chart]:
     """Figures 2 and 3: what the simulated forces of limbs 1 and 4 are made of."""
-    forces, friction = shares.parts, shares.friction
+    forces, time = experiment.parts[SHOWN], experiment.motions[SHOWN].time
+    friction = friction_forces(experiment.samples[SHOWN])
     parts = ("inertial", forces.inertial, "file"), ("Coriolis", forces.coriolis, "fit")
     panels = tuple(
-        Panel(f"limb {limb}: {name} (N)", (Mark("", shares.time, force[:, limb - 1], look),))
+        Panel(f"limb {limb}: {name} (N)", (Mark("", time, force[:, limb - 1], look),))
         for limb in LIMBS
         for name, force, look in parts
     )
@@ -376,7 +381,7 @@ def share_charts(shares: ForceShares) -> tuple[Chart, Chart]:
     )
     return (
         Chart("figure_2", caption, "time (s)", panels, columns=2, zoom="figure 3"),
-        _limb_chart(3, what, shares.time, *both),
+        _limb_chart(3, what, time, *both),
     )
 
 

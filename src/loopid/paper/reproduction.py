@@ -170,27 +170,15 @@ def run_experiment(
     return Experiment(model, order, rate, motions, parts, samples)
 
 
-@record
-class ForceShares:
-    """Figures 2 and 3: what the motors' forces are made of."""
-
-    time: FloatArray  # (N,) in s
-    parts: ForceParts  # (N, 4) each, as friction
-    friction: FloatArray
-    greatest: dict[str, FloatArray]  # absolute, (4,) of each part but friction, over all nine
-
-
-def force_shares(experiment: Experiment) -> ForceShares:
-    """Take the forces of the nine trajectories apart."""
-    greatest = {
+def greatest_forces(experiment: Experiment) -> dict[str, FloatArray]:
+    """Absolute forces (4,) of each part but friction over all nine trajectories, in N."""
+    return {
         part: np.max(
             [np.abs(getattr(forces, part)).max(axis=0) for forces in experiment.parts.values()],
             axis=0,
         )
         for part in ("inertial", "coriolis", "gravity")
     }
-    friction, time = friction_forces(experiment.samples[SHOWN]), experiment.motions[SHOWN].time
-    return ForceShares(time, experiment.parts[SHOWN], friction, greatest)
 
 
 def simulate_stand_in(
@@ -267,17 +255,11 @@ def _conditions(samples: FitSamples) -> tuple[float, float]:
     return float(np.linalg.cond(R)), float(np.linalg.cond(R[:, EIGHT]))
 
 
-@record
-class TwoSteps:
-    """The paper's indirect way: base parameters as in Table II, then friction by limb."""
+def identify_in_two_steps(experiment: Experiment, seed: int) -> tuple[Fit, Fit]:
+    """The paper's indirect way, friction from a warm-up and gravity second, and both together.
 
-    truth: FloatArray  # (23,)
-    in_steps: Fit  # friction first, from a warm-up, and gravity second
-    together: Fit
-
-
-def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
-    """Identify friction and gravity from forces with friction and noise of ±12 N."""
+    Forces have friction and noise of ±12 N; parameters are those of Table II, then friction.
+    """
     main = experiment.with_friction(seed, MAIN)
     warm_up = experiment.with_friction(seed, WARM_UP, UP_AND_DOWN)
     friction = main.parameters.labels[BODIES.stop :]
@@ -285,7 +267,7 @@ def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
         # The warm-up alone does not show all of gravity: nothing is taken from it but friction.
         warnings.simplefilter("ignore", DataWarning)
         in_steps = fit_in_steps(warm_up, main, friction, estimator="ols")
-    return TwoSteps(experiment.truth, in_steps, quiet_fit(main, "ols"))
+    return in_steps, quiet_fit(main, "ols")
 
 
 @record
@@ -387,10 +369,9 @@ class PaperReproduction:
     geometry: dict[str, float]  # Table I, measured on the model
     base: BaseComparison  # Table II
     symbolic: SymbolicComparison  # Table III, and K_G
-    experiment: Experiment  # the nine trajectories
-    shares: ForceShares  # figures 2 and 3
+    experiment: Experiment  # the nine trajectories, figures 2 and 3
     simulated: SimulatedFit  # Table IV and figure 4
-    two_steps: TwoSteps  # friction first, gravity second
+    two_steps: tuple[Fit, Fit]  # friction first and gravity second; together
     actual: ActualFit  # Table V, figures 5 and 6
 
 
@@ -423,7 +404,6 @@ def reproduce_paper(
         base=base,
         symbolic=symbolic,
         experiment=experiment,
-        shares=force_shares(experiment),
         simulated=simulated,
         two_steps=two_steps,
         actual=actual,

@@ -147,12 +147,6 @@ def _revolute_centre() -> sp.ImmutableMatrix:
     return sp.ImmutableMatrix([Geometry.symbols()[3], 0, 0])
 
 
-def stroke_functions() -> sp.ImmutableMatrix:
-    """Actuated coordinates q_13, q_23, q_33, q_42 as functions of the pose; (4, 1), m."""
-    vectors = [*_leg_vectors(), _limb_4_vector()]
-    return sp.ImmutableMatrix([sp.sqrt(sum(x**2 for x in d)) for d in vectors])
-
-
 def link_frames() -> dict[str, Frame]:
     """Frames of the nine bodies, by link name in the column order of the regressor.
 
@@ -201,7 +195,8 @@ class GravityModel:
 @cache
 def gravity_model() -> GravityModel:
     """Derive the gravity model; the first call takes a moment, later ones return the same."""
-    strokes = stroke_functions()
+    limbs = [*_leg_vectors(), _limb_4_vector()]
+    strokes = sp.ImmutableMatrix([sp.sqrt(sum(x**2 for x in d)) for d in limbs])
     # Height of a body's centre of mass times its mass: m h(o) + mx h(x) + my h(y) + mz h(z).
     heights = [h for frame in link_frames().values() for h in (frame.origin[2], *frame.axes[2, :])]
     energy = GRAVITY * sp.ImmutableMatrix([heights])
