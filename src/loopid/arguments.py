@@ -400,8 +400,6 @@ MADE_BY = {
 }
 # Where other objects have one.
 PARTS = {"Robot": "robot", "ForceModel": "force_model", "Fit": "fit"}
-# What makes a robot of objects of other libraries.
-FOREIGN = {"pinocchio.Model": "from_pinocchio"}
 # What they are known as: these say only what is used of them.
 ABSTRACT = {"LinearModel": "ForceModel", "Values": "Fit"}
 
@@ -498,9 +496,8 @@ def _advice(given: Any, kinds: list[str]) -> str:
     part = next((p for kind in kinds if (p := PARTS.get(kind)) and _has(own, p)), None)
     if part is not None:
         return f": give its {part}, .{part}"
-    foreign = FOREIGN.get(f"{own.__module__.partition('.')[0]}.{own.__name__}")
-    if foreign is not None:
-        return f": {foreign} makes a Robot of it"
+    if own.__name__ == "Model" and own.__module__.startswith("pinocchio."):
+        return ": from_pinocchio makes a Robot of it"
     makers = " or ".join(MADE_BY[each] for each in kinds if each in MADE_BY)
     return f": {makers} gives one" if makers else ""
 

@@ -209,7 +209,7 @@ def test_a_log_of_few_samples_is_too_short_to_filter(count):
     whole = log_of(model, run)
     few = whole.select(np.arange(len(whole)) < count)
     short = f"too short to filter, the longest has {count} samples"
-    with pytest.raises(LogError, match=short if count > 3 else f"{count} rows? of numbers"):
+    with pytest.raises(LogError, match=short if count > 1 else "nothing moves"):
         loopid.prepare(model.robot, few)
 
 

@@ -379,6 +379,17 @@ def test_exchanged_positions_that_hardly_ever_close_are_no_explanation(runs):
     assert "scaled by 0.0" in said.title
 
 
+@pytest.mark.parametrize("what", ["position", "force"])
+def test_exchanged_columns_are_named_where_motors_mostly_stand(load_once, what):
+    robot = load_once("3ups_rpu")
+    log = read_log("urdf/logs/3ups_rpu.csv", robot)
+    exchanged = {what: getattr(log, what)[:, [1, 0, 2, 3]]}
+    run = quietly(loopid.prepare, robot, replace(log, **exchanged))
+    assert run.used[:, 0].mean() < 0.5
+    (said,) = log_faults(robot, [run]).mistakes
+    assert said.title == f"the {what}s of leg1_stroke and leg2_stroke are exchanged"
+
+
 def test_forces_of_another_source_have_no_size(load_once):
     """As the current of a lift beside its counterweight: near constant, whatever the arm does."""
     robot = load_once("five_bar")

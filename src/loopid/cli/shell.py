@@ -157,7 +157,7 @@ class Answer:
     def _print(self, report: Report) -> None:
         from rich.console import Console
 
-        from loopid.report.look import Words, folded
+        from loopid.report.look import Words
 
         console = Console(highlight=False)
         console.width = console.width or WIDTH
@@ -169,7 +169,7 @@ class Answer:
         if report.advice:
             typer.echo(in_lines(report.advice, console.width))
         for table in report.tables() if self.verbose else report.brief:
-            console.print(table if table.title else folded(table, console))
+            console.print(table)
 
 
 def in_words(findings: Sequence[Finding], verbose: bool) -> list[str]:

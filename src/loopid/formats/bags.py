@@ -12,15 +12,7 @@ import numpy as np
 
 from loopid.arguments import IntArray
 from loopid.errors import DataWarning, LogError, optional, warn
-from loopid.logs.table import (
-    LARGEST_STAMP,
-    MOST_LISTED,
-    NO_STAMP,
-    LogFormat,
-    Table,
-    array_table,
-    refusals,
-)
+from loopid.logs.table import MOST_LISTED, LogFormat, Table, array_table, refusals
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
@@ -42,12 +34,8 @@ class Topic:
     def append(self, state: Any, received: int) -> None:
         """Add a message; joints may come in any order, and any of them."""
         number = len(self.stamps)
-        stamp = state.header.stamp
-        for column, time in (
-            (self.stamps, stamp.sec * 10**9 + stamp.nanosec),
-            (self.received, received),
-        ):
-            column.append(time if 0 <= time <= LARGEST_STAMP else int(NO_STAMP))
+        self.stamps.append(state.header.stamp.sec * 10**9 + state.header.stamp.nanosec)
+        self.received.append(received)
         parts = {what: getattr(state, what) for what in QUANTITIES}
         parts = {what: values for what, values in parts.items() if len(values)}
         names = [f"{joint}.{what}" for what in parts for joint in state.name]

@@ -114,7 +114,7 @@ class Evidence:
         logs = [one.log for one in recordings]
         self.log = logs[0]
         self.rates_measured = all(log is not None and log.velocity is not None for log in logs)
-        parts = [self._samples(one, SAMPLES // len(recordings)) for one in recordings]
+        parts = [self._samples(one, len(recordings)) for one in recordings]
         self.q, self.rates, self.force, self.used, self.external = map(
             np.concatenate, zip(*parts, strict=True)
         )
@@ -137,11 +137,16 @@ class Evidence:
         self._tables: dict[Pose, _Table] = {}
         self._choose_columns()
 
-    def _samples(self, recording: Recording, most: int) -> list[Any]:
-        motion, rows = recording.motion, spread_rows(len(recording), most)
+    def _samples(self, recording: Recording, parts: int) -> list[Any]:
+        motion, used = recording.motion, recording.used
+        rows, least = spread_rows(len(recording), SAMPLES // parts), -(-LEAST_SAMPLES // parts)
+        if (used[rows].sum(axis=0) < least).any():  # motors often stand
+            own = [np.flatnonzero(each) for each in used.T]
+            spread = [moving[spread_rows(len(moving), least)] for moving in own]
+            rows = np.unique(np.concatenate(spread))
         signals = directions(recording), motion.velocities, motion.accelerations
         rates = [signal[rows] for signal in signals]
-        q, force, used = motion.configurations, recording.motor_force, recording.used
+        q, force = motion.configurations, recording.motor_force
         external = recording.force - force
         return [q[rows], np.stack(rates, axis=2), force[rows], used[rows], external[rows]]
 

@@ -142,10 +142,8 @@ def hysteresis_loop(fit: Estimates, joint: str) -> HysteresisLoop:
     done = np.minimum(ends[:, None] / (2 * slips), 1.0) @ part / (part.sum() or 1.0)
     reach = float(np.interp(WHOLE, done, ends)) / 2
     half = np.linspace(reach, -reach, POINTS)
-    # Twice round from steady motion forwards; the second time is the loop.
-    way = np.concatenate([half, half[::-1][1:], half[1:], half[::-1][1:]])
-    shown = slice(2 * POINTS - 2, None)
-    states = slip_states(way, slips, np.ones(len(slips)))[shown]
+    way = np.concatenate([half, half[::-1][1:]])
+    states = slip_states(way, slips, np.ones(len(slips)))  # from steady motion forwards, back to it
     known = fit.rates_of(joint)
     slow = SLOW * known[0] if known is not None else np.finfo(float).tiny
     rate = np.concatenate([-np.ones(POINTS), np.ones(POINTS - 1)]) * slow
@@ -158,7 +156,7 @@ def hysteresis_loop(fit: Estimates, joint: str) -> HysteresisLoop:
         joint,
         "m" if fit.parameters[own[0]].unit == "N" else "rad",
         float(np.interp(TOLD, np.append(0.0, done), np.append(0.0, ends))),
-        way[shown],
+        way,
         force,
         np.stack([force - wide, force + wide], axis=1),
     )

@@ -140,8 +140,9 @@ def _unknown(data: FitSamples, offsets: Sequence[Parameter]) -> list[str]:
             error = np.sqrt(unit @ covariance @ unit)
             # A redundant motor has no row: its offset counts beside the largest force of any.
             size = forces.get(each.link, max(forces.values())) * abs(unit @ columns[:, k])
-            chance = 2 * stdtr(freedom, -abs(unit @ estimate) / error)
-            if error <= KNOWN_OFFSET * size or chance < least:
+            if error <= KNOWN_OFFSET * size:
+                continue
+            if 2 * stdtr(freedom, -abs(unit @ estimate) / error) < least:
                 continue
         found.append(each.label)
     return found

@@ -120,7 +120,7 @@ def check_streams(robot: Robot, streams: Sequence[Stream], *, static: bool = Fal
 
 
 def _check_stream(robot: Robot, stream: Stream, static: bool) -> Stream:
-    if not static:
+    if not static and len(stream.stamps) > 1:
         _require_usual_step(stream)
     _require_units(robot, stream)
     stream = _without_glitches(_inside_limits(robot, stream))

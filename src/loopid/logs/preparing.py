@@ -24,7 +24,7 @@ from loopid.kinematics.poses import difference
 from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.checks import check_log, require_known_motion, spikes_of
 from loopid.logs.grid import MOST_NAMED, Dropped
-from loopid.logs.log import ExternalWrench, Log, renumbered
+from loopid.logs.log import Log, renumbered
 from loopid.logs.recording import FilterOptions, RateHistory, Recording, least_logged, reach_of
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
@@ -139,7 +139,8 @@ def prepare(
     log = long_enough(log, lowpass)
     signals = filter_log(log, lowpass)
     rows, ends = kept_rows(log, lowpass, filter)
-    logged = measured_motion(robot, log, signals)
+    logged = measured_motion(robot, signals)
+    velocity = logged[1][:, robot.velocity_indices(log.joints)]
     measured = JointCoordinates(robot, robot.measured).read(logged[0][rows])
     least = least_logged(robot) if singularity_threshold is None else singularity_threshold
     found = assemble_samples(robot, log, measured, rows, least, known=known, progress=progress)
@@ -147,8 +148,8 @@ def prepare(
     for fault in misplaced_motors(robot, logged[0][rows], found.configurations):
         warn(f"{log.name}: {fault}", DataWarning)
     saturated = near_saturation(log, limits, lowpass)[rows]
-    stuck = sticking(log, signals.velocity)
-    slow = idle_samples(robot, log, signals.velocity, rows)
+    stuck = sticking(log, velocity)
+    slow = idle_samples(robot, log, velocity, rows)
     idle = standing(robot, log, slow, rows, lowpass, stuck)
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
@@ -165,7 +166,7 @@ def prepare(
         )
     history = None
     if lowpass is not None:
-        history = RateHistory(log, signals.velocity, lowpass, slow, stuck, rows, (rows, motion))
+        history = RateHistory(log, velocity, lowpass, slow, stuck, rows, (rows, motion))
     recording = Recording(
         name=log.name,
         actuators=robot.independent,
@@ -337,17 +338,6 @@ def _jumps(log: Log) -> BoolArray:
 # ---- filter and differentiate ------------------------------------------------------------------
 
 
-class Signals(NamedTuple):
-    """Filtered signals (N, m) of the motors, and of all else, at the rate of the log."""
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    force: FloatArray
-    wrenches: list[ExternalWrench]
-    free: dict[str, FloatArray]
-
-
 def long_enough(log: Log, lowpass: LowPass | None) -> Log:
     """The log without segments that are too short to filter and differentiate."""
     good, short = np.ones(len(log), dtype=bool), []
@@ -365,7 +355,7 @@ def long_enough(log: Log, lowpass: LowPass | None) -> Log:
     return log if good.all() else log.select(good, *short)
 
 
-def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
+def filter_log(log: Log, lowpass: LowPass | None) -> Log:
     """Filter each segment without delay, and differentiate what was not measured."""
     kept = partial(log.by_part, lowpass.apply) if lowpass else np.asarray
     position = kept(log.position)
@@ -374,9 +364,13 @@ def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
         velocity = acceleration = np.zeros_like(position)
     v = log.by_part(differentiate, position) if velocity is None else kept(velocity)
     a = log.by_part(differentiate, v) if acceleration is None else kept(acceleration)
-    wrenches = [replace(wrench, values=kept(wrench.values)) for wrench in log.wrenches]
+    wrenches = tuple(replace(wrench, values=kept(wrench.values)) for wrench in log.wrenches)
     free = {name: kept(values) for name, values in log.free.items()}
-    return Signals(position, v, a, kept(log.force), wrenches, free)
+    for name, pose in free.items():
+        turn = pose[:, 3:] / np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
+        free[name] = np.hstack([pose[:, :3], turn])
+    signals: dict[str, Any] = {"position": position, "velocity": v, "acceleration": a}
+    return replace(log, **signals, force=kept(log.force), wrenches=wrenches, free=free)
 
 
 def kept_rows(
@@ -394,30 +388,27 @@ def kept_rows(
     return np.concatenate(rows), ends
 
 
-def measured_motion(
-    robot: Robot, log: Log, signals: Signals
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Motors and free joints along a log; other coordinates are zero, or as at the reference.
+def measured_motion(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Motors and free joints along a filtered log; others are zero, or as at the reference.
 
     Configurations (N, nq), velocities (N, nv) and accelerations.
     """
     q = np.tile(robot.reference, (len(log), 1))
-    for name, values in signals.free.items():
+    for name, values in log.free.items():
         joint = robot.joint(name)
         samples(values, 1 if joint.nv == 1 else joint.nq, name)
         if joint.nv == 1:
             q = JointCoordinates(robot, [name]).write(q, values)
         else:
-            turns = values[:, 3:] / np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
-            q[:, joint.idx_q : joint.idx_q + joint.nq] = np.hstack([values[:, :3], turns])
+            q[:, joint.idx_q : joint.idx_q + joint.nq] = values
     v, a = np.zeros((2, len(log), robot.model.nv))
-    if signals.free and not log.static:
+    if log.free and not log.static:
         steps = difference(robot, q[:-1], q[1:])
         v = log.by_part(differentiate, np.pad(np.cumsum(steps, axis=0), ((1, 0), (0, 0))))
         a = log.by_part(differentiate, v)
     motors = robot.velocity_indices(log.joints)
-    v[:, motors], a[:, motors] = signals.velocity, signals.acceleration
-    return JointCoordinates(robot, log.joints).write(q, signals.position), v, a
+    v[:, motors], a[:, motors] = np.asarray(log.velocity), np.asarray(log.acceleration)
+    return JointCoordinates(robot, log.joints).write(q, log.position), v, a
 
 
 # ---- assembly ----------------------------------------------------------------------------------

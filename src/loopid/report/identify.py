@@ -29,7 +29,7 @@ from loopid.records import json_value
 from loopid.report.look import json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 
-# Values that the terminal shows where they do not fit in two columns.
+# Values that the terminal shows where there are more than twice as many, or sums among them.
 SHOWN = 14
 OPEN = 20  # values of a table that is not folded
 USES = "forces", "single_parameters"

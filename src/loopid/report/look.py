@@ -24,7 +24,6 @@ from loopid.records import json_value
 
 SHORTEST = 12  # columns that a name is shortened to, if at all
 WIDEST = 18  # columns of a heading's word, about those of a value with its deviation
-MOST_ROWS = 16  # of a table that is not folded
 
 
 class Words:
@@ -81,18 +80,6 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[obje
             *(Words(str(cell), whole=own) for cell, own in zip(row, numbers, strict=True))
         )
     return table
-
-
-def folded(table: Table, console: Console) -> Table:
-    """The table with its second half beside the first, where it is long and there is room."""
-    half = -(-table.row_count // 2)
-    if half <= MOST_ROWS // 2 or 2 * console.measure(table).maximum + 2 > console.width:
-        return table
-    names = [str(c.header) if c.justify == "left" else f">{c.header}" for c in table.columns]
-    rows = list(zip(*(map(str, column.cells) for column in table.columns), strict=True))
-    rows += [("",) * len(names)] * (len(rows) % 2)
-    both = ((*one, "│", *other) for one, other in zip(rows[:half], rows[half:], strict=True))
-    return plain_table("", [*names, "", *names], both)
 
 
 def facts(title: str, entries: Mapping[str, object]) -> Table:
