@@ -102,6 +102,11 @@ class Autoregression:
         """Variance of the sum of errors, of which there are so many ``pairs_apart`` (K,)."""
         return float(self.lags(len(pairs)) @ pairs)
 
+    def covariance_of(self, signals: FloatArray, pieces: Pieces) -> FloatArray:
+        """X Ω Xᵀ (m, m) of signals X (m, N), with Ω the covariance of the errors."""
+        spectra = Spectra.of(signals, pieces)
+        return spectra.covariance(spectra.densities(self))
+
     def effective_samples(self, present: BoolArray, pieces: Pieces) -> float:
         """Number of independent samples that would determine the mean error as well."""
         count = float(present.sum())
@@ -204,10 +209,8 @@ def run_lengths(used: BoolArray, pieces: Pieces) -> IntArray:
 def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
     """Autocovariances (p + 1,) of a model of errors (N,), its order p chosen by BIC [Schwarz1978].
 
-    Forward and backward predictions within unbroken runs only [Burg1975], so that gaps are never
-    predicted across. ``runs`` (N,) are as of ``run_lengths``, 0 where a sample is not used. The
-    errors count as if a little white noise had been added to them, by what it adds to the sums on
-    average.
+    By forward and backward predictions within unbroken ``runs`` (N,) only [Burg1975], as of
+    ``run_lengths``. The errors count as if a little white noise had been added to them.
     """
     covariances, order = _burg(errors, runs)
     return covariances[: int(order) + 1]

@@ -1,18 +1,13 @@
-"""The delay between forces and motion, found by the fit itself.
+"""The delay between forces and motion, found by the fit itself (docs/derivations.md, "A delay").
 
 Forces that come d late belong to a motion d earlier: τ(t + d) = W(t) φ. Where the shift s of the
 forces is not d, the best fit leaves residuals, whatever the base parameters φ. All of them are
 fitted at each shift, beside what a force model may lack: else this would look like a delay.
 Friction that builds up after a reversal does, beside the sign of the velocity. So the delay is
 found twice: beside plain friction, which is sharp, and beside Maxwell slip of each motor, which is
-right in any case (``maxwell_slip.py``).
-
-One orthonormal basis of W serves all shifts, whose forces are right-hand sides of it. From the best
-of them Newton's method goes on. It ends where residuals are orthogonal to derivatives of the
-predicted forces by time. Noise of positions is in these, too: they are instruments for the
-derivatives of the measured forces [Janot2014]. The widest band that is looked at is that around
-which estimates change least (``cutoff.py``). Narrower ones follow. Before that each of several logs
-has a delay of its own; one that is clearly far from those of the others is undone in its log.
+right in any case (``maxwell_slip.py``). The widest band that is looked at is that around which
+estimates change least (``cutoff.py``); narrower ones follow. Before that each of several logs has a
+delay of its own.
 """
 
 from __future__ import annotations
@@ -218,15 +213,14 @@ def _delay_of(
     sampled: Sampled | None = None,
 ) -> Delay | None:
     """As ``find_delay``, of recordings with logs, which may be known at a cut-off."""
-    best: Delay | None = None
-    tried = list[Delay]()
+    best, tried = None, list[Delay]()
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
             found, slips = _found(force_model, logged, band, sampled)
-            if found is None:
-                if best is not None:
-                    break
+            if found is None and best is None:
                 continue
+            if found is None:
+                break
             tried.append(found)
             if best is None or _sharpens(found, best):
                 best = found
@@ -445,11 +439,9 @@ def with_delay_errors(
 ) -> Fit:
     """Add the uncertainty of the delay to a fit's covariance.
 
-    An error of the delay adds forces D = ∂τ/∂t to those of the samples x. They move the estimates
-    by C Σ xᵀ D / σ², with C their covariance. The variance σ² is that of as many independent errors
-    as would determine a mean as well. C counts no wider than Σ xᵀ x / σ² makes it: what else widens
-    it moves no estimate. Of a delay that is not clear all is left (``Delay.left``). The data are
-    what was fitted, of these recordings.
+    It moves the estimates by C Σ xᵀ D / σ², with D = ∂τ/∂t, C their covariance, and σ² of as many
+    independent errors as would determine a mean as well. C counts no wider than Σ xᵀ x / σ² makes
+    it: what else widens it moves no estimate. The data are what was fitted, of these recordings.
     """
     noise, late = fit.noise, delay_forces(data, fit.values, recordings, delay)
     if noise is None or not late.shape[2]:
@@ -559,9 +551,7 @@ def _beside_others(
 ) -> FitSamples:
     """Samples with ``drive_columns`` beside friction that grows with load, and ripple.
 
-    Of motors where these are possible beside a delay of each: from standstill to standstill the
-    size of inertial forces goes as their change by time. The load is what forces are without
-    friction and offsets.
+    Of motors where these are possible beside a delay of each, which they look like.
     """
     dof, each = len(samples.actuators), np.eye(len(samples.actuators))
     late = _rates(samples, samples.force, [one.motion.time for one in recordings])

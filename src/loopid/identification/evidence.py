@@ -271,10 +271,8 @@ class Evidence:
         middle = position.min(axis=1, keepdims=True) + span
         powers = ((position - middle) / span)[..., None] ** np.arange(1 + DEGREE)
         powers = powers * self.size[forces][:, None, :, None]
-        S, N, d, k = powers.shape
-        columns = np.zeros((S, N, d, d, k))
-        columns[:, :, np.arange(d), np.arange(d)] = powers
-        return columns.reshape(S * N, d, d * k)
+        columns = np.eye(powers.shape[2])[:, :, None] * powers[:, :, :, None]
+        return np.asarray(columns.reshape(-1, powers.shape[2], columns[0, 0, 0].size))
 
     def _table(
         self, own: FloatArray, motors: IntArray, columns: FloatArray, closed: BoolArray

@@ -154,19 +154,8 @@ class ForceModel:
     @property
     def plain(self) -> ForceModel:
         """The same model without joint terms whose size the evidence decides."""
-        base, columns = self.base, self.plain_columns
-        kept = [j for j, each in enumerate(base.parameters) if not grouped(each.kind)]
-        places = np.zeros(len(base.parameters), dtype=np.int64)
-        places[kept] = np.arange(len(kept))
-        narrow = replace(
-            base,
-            parameters=base.parameters.select(kept),
-            base=places[base.base[columns]],
-            dependent=places[base.dependent],
-            regrouping=base.regrouping[columns],
-        )
-        terms, _ = parted(self.joint_terms)
-        return replace(self, joint_terms=terms, base=narrow, bodies=None, drives=None)
+        terms, others = parted(self.joint_terms)
+        return self.with_terms({} if terms is None else terms.of_joints) if others else self
 
     @cached_property
     def load_columns(self) -> tuple[IntArray, IntArray]:

@@ -176,7 +176,10 @@ def excited_samples(samples: FitSamples, prior: FloatArray, excitation: Excitati
 def _excited(
     samples: FitSamples, prior: FloatArray, excitation: Excitation, fit: Callable[[FitSamples], Fit]
 ) -> tuple[Fit, Excitation]:
-    """A fit of what the data excite, without the least excited directions until there is one."""
+    """A fit of what the data excite, without the least excited directions until there is one.
+
+    A motor of few rows that is fitted without error counts for so much that others are lost.
+    """
     while True:
         try:
             return fit(excited_samples(samples, prior, excitation)), excitation
@@ -197,8 +200,7 @@ def fit_excited(
 
     This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes. In
     unidentifiable directions the covariance is that of the robot file, one size. Parameters that
-    have a part there are ``assumed``. A motor of few rows that is fitted without error counts for
-    so much that others are lost. The least excited directions are left out until it is not.
+    have a part there are ``assumed``.
     """
     found, excitation = _excited(
         samples, prior, excitation, lambda part: quiet_fit(part, estimator)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import FloatArray, row_blocks
+from loopid.arguments import FloatArray
 from loopid.errors import OptionError, RankError
 from loopid.identification.estimator import (
     Estimator,
@@ -74,7 +74,9 @@ class InstrumentalVariables(Estimator):
         problem, Z = samples.problem, samples.instruments
         require_rows(problem)
         with one_blas_thread():
-            factors = _joint_factors(samples, Z)
+            # Of [Z | X | y], an actuator each.
+            both = replace(samples, regressor=Z).beside("measured", samples.regressor)
+            factors = both.problem.factors
 
             def fitted(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
                 rows = weights[:, None, None] * factors
@@ -116,14 +118,3 @@ class InstrumentalVariables(Estimator):
                 least=LEAST_STRENGTH,
             )
         return own, shared, np.asarray(np.linalg.solve(shared, whole[:width, -1]), dtype=np.float64)
-
-
-def _joint_factors(samples: FitSamples, instruments: FloatArray) -> FloatArray:
-    """Triangular factors (dof, 2n + 1, 2n + 1) of [Z | X | y], an actuator each."""
-    dof, width = len(samples.actuators), 2 * len(samples.parameters) + 1
-    factors = np.zeros((dof, width, width))
-    for rows in row_blocks(len(samples)):
-        parts = instruments[rows], samples.regressor[rows], samples.force[rows][:, :, None]
-        block = np.concatenate(parts, axis=2) * samples.used[rows][:, :, None]
-        factors = triangular_factor(np.concatenate([factors, block.transpose(1, 0, 2)], axis=1))
-    return factors

@@ -1,13 +1,9 @@
 """Estimates without a part of their samples, and what their scatter says of errors.
 
-A model that lacks a force errs by the state of the robot. Such errors are alike wherever a state
-comes back, so that their autocorrelation in time says little. Regions of states are left out in
-turn. How far estimates move without each shows what errors of any kind do to them
-[BellMcCaffrey2002]. Recordings are left out alike. What differs between them, such as friction by
-temperature, does not show within one [Efron1982].
-
-A group has orthonormal columns x and residuals r, with the sums G = Σ x xᵀ and s = Σ x r. Without
-it least squares are (I - G)⁻¹ s off.
+A model that lacks a force errs by the state of the robot, so that autocorrelation in time says
+little. Regions of states are left out in turn [BellMcCaffrey2002], and recordings alike
+[Efron1982]. A group has orthonormal columns x and residuals r, with the sums G = Σ x xᵀ and s =
+Σ x r. Without it least squares are (I - G)⁻¹ s off.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ def log_difference(
     parts = dict[tuple[str, str], float]()
     for name in tried:
         rows = _rows(data, [other == name for other in names])
-        parts[name, "load"] = products.part_with_load(rows)
+        parts[name, "load"] = products.part_left(products.of(rows))
         parts[name, "size"] = products.part_with_size(rows)
     (name, what), left = min(parts.items(), key=lambda each: each[1])
     others = [part for (_, other), part in parts.items() if other != what]
@@ -132,10 +132,11 @@ class _Products:
 
     def __init__(self, force_model: ForceModel, data: FitSamples) -> None:
         self.data, self.weights = data, data.problem.force_weights
-        whole, n = self._of(slice(0, len(data))), len(data.parameters)
-        sizes = np.sqrt(np.diag(whole))
+        R, n = data.problem.weighted(self.weights), len(data.parameters)
+        sizes = np.linalg.norm(R, axis=0)
         self.sizes = np.where(sizes > 0, sizes, 1.0)
-        self.whole = whole = self._scaled(whole)
+        R = R / self.sizes
+        self.whole = whole = R.T @ R
         self.inverse = np.linalg.inv(whole[:n, :n] + RIDGE * np.eye(n))
         self.values = self.inverse @ whole[:n, n]
         self.left = max(float(whole[n, n] - whole[:n, n] @ self.values), RIDGE)
@@ -147,20 +148,16 @@ class _Products:
         bodies = (matrix[:, links == link] for link in dict.fromkeys(links) if link)
         self.bodies = [body for body in bodies if body.any()]
 
-    def _of(self, rows: slice, beside: FloatArray | None = None) -> FloatArray:
-        """Products (n + 1, n + 1) of samples; with columns (N, dof, k) of all, after the force."""
+    def of(self, rows: slice) -> FloatArray:
+        """Products (n + 1, n + 1) of samples."""
         total: FloatArray = np.zeros(())
         for part in row_blocks(rows):
             W, force = self.data.regressor[part], self.data.force[part]
-            more = () if beside is None else (beside[part],)
-            own = np.concatenate([W, force[:, :, None], *more], axis=2)
+            own = np.concatenate([W, force[:, :, None]], axis=2) / self.sizes
             own *= (self.data.used[part] * self.weights)[:, :, None]
             flat = own.reshape(-1, own.shape[2])
             total = total + flat.T @ flat
         return total
-
-    def _scaled(self, products: FloatArray) -> FloatArray:
-        return np.asarray(products / np.outer(self.sizes, self.sizes))
 
     def best_time(self, rows: IntArray, *, whole: bool) -> tuple[float, int]:
         """The part of the squares that a change leaves at least, and the row it begins with.
@@ -170,27 +167,21 @@ class _Products:
         ends = np.linspace(rows[0], rows[-1] + 1, BLOCKS + 1).astype(int)
         later = self._from_each(ends)
         tried = range(LEAST_BLOCKS, BLOCKS - LEAST_BLOCKS + 1)
-        _, k = min((self._part_left(later[k]), k) for k in tried)
+        _, k = min((self.part_left(later[k]), k) for k in tried)
         finer = np.linspace(ends[k - 1], ends[k + 1], FINER + 1).astype(int)
         after = later[k + 1] + self._from_each(finer)
-        best = min(
-            (self._part_left(each), int(row)) for each, row in zip(after, finer, strict=True)
-        )
-        left = self._part_left(later[0]) if whole else 1.0
+        best = min((self.part_left(each), int(row)) for each, row in zip(after, finer, strict=True))
+        left = self.part_left(later[0]) if whole else 1.0
         return (left, int(rows[0])) if RIVAL * left < best[0] else best
 
     def _from_each(self, ends: IntArray) -> FloatArray:
         """Products (k + 1, ...) of samples from each of some rows (k + 1,) to the last of these."""
-        blocks = [self._scaled(self._of(slice(*pair))) for pair in pairwise(ends.tolist())]
+        blocks = [self.of(slice(*pair)) for pair in pairwise(ends.tolist())]
         sums = np.cumsum(blocks[::-1], axis=0)[::-1]
         return np.concatenate([sums, np.zeros_like(sums[:1])])
 
-    def part_with_load(self, rows: slice) -> float:
-        """The part of the squares that is left with the load of one body from some rows on."""
-        return self._part_left(self._scaled(self._of(rows)))
-
     def part_with_size(self, rows: slice, drifts: slice | None = None) -> float:
-        """The same with forces of another size and zero in rows; or that drift over others."""
+        """The part left with forces of another size and zero in rows; or that drift over others."""
         force, every = self._predicted_without(rows), np.arange(len(self.data))
         motors, shapes = np.eye(force.shape[1]), [(every >= rows.start) & (every < rows.stop)]
         sizes = force[:, :, None] * motors
@@ -202,22 +193,17 @@ class _Products:
 
     def _predicted_without(self, rows: slice) -> FloatArray:
         """Forces (N, dof) by a fit without some rows."""
-        others = self.whole - self._scaled(self._of(rows))
+        others = self.whole - self.of(rows)
         n = len(others) - 1
         values = np.linalg.solve(others[:n, :n] + RIDGE * np.eye(n), others[:n, n])
         return self.data.predicted(values * self.sizes[n] / self.sizes[:n])
 
     def _part_beside(self, columns: FloatArray) -> float:
         """The part of the squares that columns (N, dof, k) of any size leave."""
-        products, n = self._of(slice(0, len(self.data)), columns), len(self.values)
-        sizes = np.sqrt(np.diag(products))
-        scaled = products / np.outer(*2 * [np.where(sizes > 0, sizes, 1.0)])
-        others = np.delete(np.arange(len(sizes)), n)
-        known = scaled[np.ix_(others, others)] + RIDGE * np.eye(len(others))
-        force = scaled[others, n]
-        return max(float(scaled[n, n] - force @ np.linalg.solve(known, force)), 0.0) / self.left
+        R = self.data.beside("change", columns).problem.weighted(self.weights)
+        return float((R[-1, -1] / self.sizes[-1]) ** 2) / self.left
 
-    def _part_left(self, later: FloatArray) -> float:
+    def part_left(self, later: FloatArray) -> float:
         """Part of the squared errors with the body that explains most, from its products on."""
         n, gains = len(later) - 1, [0.0]
         for body in self.bodies:

@@ -30,8 +30,7 @@ DELAY, LATEST, UNEXPLAINED, LATE, LEFT = 0.15, 30.0, 0.03, 0.25, 0.15
 def held_values(log: Log) -> Iterator[Finding]:
     """Positions or forces that change only every few rows, and then by many encoder steps at once.
 
-    Values that change so regularly are held by a slower bus. Those of a coarse encoder change by
-    one of its steps, and noise repeats a value by chance.
+    Those of a coarse encoder change by one of its steps, and noise repeats a value by chance.
     """
     part = max(log.parts(), key=lambda part: part.stop - part.start)
     for what, values in (("positions", log.position), ("forces", log.force)):

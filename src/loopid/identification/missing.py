@@ -23,7 +23,6 @@ from loopid.errors import first_of
 from loopid.findings import FALSE_ALARM, Finding, Severity
 from loopid.identification.correlation import (
     Autoregression,
-    Spectra,
     burg_covariances,
     run_lengths,
     within_runs,
@@ -360,8 +359,7 @@ def with_offsets(fit: WorkingFit, motors: Sequence[str]) -> Fit:
     """The result of a fit whose intervals hold that these motors may have an offset.
 
     Before any data it is 0 ± ``KNOWN_OFFSET`` times the motor's force, and m ± s beside the fit's
-    values. These stay those without, so that m and s are both errors of theirs. Predicted forces
-    hold none of it: what moves the values makes up for the offset.
+    values. These stay those without, so that m and s are both errors of theirs.
     """
     result, samples = fit.result, fit.samples
     rows = [samples.actuators.index(motor) for motor in motors]
@@ -432,18 +430,14 @@ class _Test:
         self.residual = samples.residual(result.values) * self.scale
         self.prior = None if fit.prior is None else fit.prior[:, :n] @ self.inverse
         sizes = noise.innovation * result.weights
-        rows = zip(noise.coefficients, np.nan_to_num(sizes) ** 2, strict=True)
-        self.models = [
+        models = [
             Autoregression.of_coefficients(np.trim_zeros(own, "b"), float(size))
-            for own, size in rows
+            for own, size in zip(noise.coefficients, np.nan_to_num(sizes) ** 2, strict=True)
         ]
         self.runs = [run_lengths(used, samples.pieces) for used in samples.used.T]
         # (dof, n, n), covariances of what errors of each motor do to the estimates.
-        self.sums = np.zeros((len(self.models), n, n))
-        for i, model in enumerate(self.models):
-            if model.variance > 0:
-                spectra = Spectra.of(self.columns[:, i].T, samples.pieces)
-                self.sums[i] = spectra.covariance(spectra.densities(model))
+        rows = zip(models, self.columns.transpose(1, 2, 0), strict=True)
+        self.sums = np.array([model.covariance_of(x, samples.pieces) for model, x in rows])
 
     def of(self, columns: FloatArray) -> _Tested:
         """Test columns (N, dof, k)."""
@@ -465,9 +459,7 @@ class _Test:
         for row, i in enumerate(own):
             model = Autoregression.of_covariances(burg_covariances(left[:, row], self.runs[i]))
             orders.append(model.order)
-            if model.variance > 0:
-                spectra = Spectra.of(beside[:, row].T, pieces)
-                V += spectra.covariance(spectra.densities(model))
+            V += model.covariance_of(beside[:, row].T, pieces)
         if self.prior is not None:
             moved = self.prior @ turned
             V += moved.T @ moved

@@ -1,11 +1,9 @@
-"""Gains of all motors at once, each with a factor and a sign of its own.
+"""Gains of all motors at once, each with a factor and a sign of its own, as of currents.
 
-Currents that stand for forces have them: no single gain that is undone helps where all others are
-wrong. The bodies of the robot file explain the forces, each parameter known to half its size
-(``evidence.py``). Signs and first sizes are those of the file's bodies alone. From there Newton's
-method climbs the evidence over the logarithms of all gains; a sign is turned where that raises it.
-Gains of all motors and bodies times the same number explain the forces alike. So the bodies are
-held as heavy as the file's, in the median motor, until motors that are right show the scale.
+From signs and sizes by the file's bodies alone, Newton's method climbs the evidence over the
+logarithms of all gains; a sign is turned where that raises it. Gains of all motors and bodies times
+the same number explain the forces alike. So the bodies are held as heavy as the file's, in the
+median motor, until motors that are right show the scale.
 """
 
 from __future__ import annotations

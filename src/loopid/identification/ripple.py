@@ -71,12 +71,7 @@ def _of_motor(
     before = 0.0
     for _ in range(MOST_RIPPLES):
         numbers, tried = _likeliest(kept, left, most)
-        waves = [
-            np.concatenate(
-                [_waves(*each, number) for each in zip(recordings, position, strict=True)]
-            )
-            for number in numbers
-        ]
+        waves = (_waves(recordings, position, number) for number in numbers)
         wider = [np.concatenate([columns, each], axis=1) for each in waves]
         evidence = [beside.evidence(row, each) for each in wider]
         best = max(range(len(wider)), key=evidence.__getitem__, default=None)
@@ -90,10 +85,15 @@ def _of_motor(
     return columns, chosen, sizes
 
 
-def _waves(run: Recording, position: FloatArray, number: float) -> FloatArray:
-    """Sine and cosine (N, 2) over positions (N,), filtered at the rate of the log."""
-    angle = number * run.at_log_rate(position)
-    return run.lowpassed(np.stack([np.sin(angle), np.cos(angle)], axis=1))
+def _waves(
+    recordings: Sequence[Recording], positions: Sequence[FloatArray], number: float
+) -> FloatArray:
+    """Sine and cosine (N, 2) over positions of recordings, filtered at the rates of the logs."""
+    waves = list[FloatArray]()
+    for run, position in zip(recordings, positions, strict=True):
+        angle = number * run.at_log_rate(position)
+        waves.append(run.lowpassed(np.stack([np.sin(angle), np.cos(angle)], axis=1)))
+    return np.concatenate(waves)
 
 
 def _likeliest(position: FloatArray, left: FloatArray, most: float) -> tuple[list[float], int]:

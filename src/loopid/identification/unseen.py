@@ -1,8 +1,8 @@
 """Errors of a candidate on data that it was not fitted to, where they are worst.
 
-One number over all data hides where a model is wrong. A motion that repeats itself judges a fit by
-the states that it was fitted to. So errors are looked at by segments or logs, by regions of states
-that were left out, at low speed, and at standstill. There friction may be anything up to breakaway.
+One number over all data hides where a model is wrong. So errors are looked at by segments or logs,
+by regions of states that were left out, at low speed, and at standstill. There friction may be
+anything up to breakaway.
 """
 
 from __future__ import annotations
@@ -64,10 +64,8 @@ class UnseenErrors:
         """Of a candidate, whose fit knows its model, on samples of recordings."""
         error, used = new.force - candidate.predicted, new.used
         rates = np.abs(np.concatenate([run.motion.velocities for run in recordings]))
-        segments = segments_of(new)
-        parts = [used & (segments == k)[:, None] for k in range(int(segments.max()) + 1)]
-        if len(recordings) > 1:
-            parts = [used & (new.runs == k)[:, None] for k in range(len(recordings))]
+        groups = new.runs if len(recordings) > 1 else segments_of(new)
+        parts = [used & (groups == k)[:, None] for k in range(int(groups.max()) + 1)]
         slow = [
             np.percentile(rates[used[:, k], k], SLOW) if used[:, k].any() else 0.0
             for k in range(used.shape[1])
