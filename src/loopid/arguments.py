@@ -492,7 +492,7 @@ def _of_another_class(given: Any, alternatives: list[ErrorDetails]) -> str:
 
 def _advice(given: Any, kinds: list[str]) -> str:
     """How an object of one of the classes is had."""
-    own = type(given)  # asked for names alone: a property may refuse to be asked
+    own = type(given)  # its properties may refuse to be asked: names will do
     names = {*dir(own), *getattr(own, "__dataclass_fields__", ())}
     part = next((p for kind in kinds if (p := PARTS.get(kind)) in names), None)
     if part is not None:
