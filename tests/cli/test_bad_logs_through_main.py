@@ -64,7 +64,7 @@ ALL = slice(None)
     [
         (put(slice(200, 900), 2, np.nan), ["spoilt"]),
         (times(POSITIONS, 1e3), ["outside its limits", "0.001"]),
-        (times([0], 1e3), ["median step", "0.001"]),
+        (times([0], 1e3), ["median step", "unit: ms"]),
     ],
 )
 def test_a_log_that_says_nothing_is_refused(identify, table, change, words):

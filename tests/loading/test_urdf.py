@@ -781,7 +781,7 @@ WRONG = {
     "ratio NaN": ([coupling(inside='<ratio value="nan"/>')], ("belt", "<ratio> value", "'nan'")),
     "ratio zero": ([coupling(inside='<ratio value="0"/>')], ("belt", "<ratio> is zero")),
     "nothing between": ([coupling("arm", "hand")], ("belt", "no joint moves", "predecessor 'arm'")),
-    "floating": ([*FLIGHT, coupling("drone", "wheel")], ("belt", "flight", "floating")),
+    "floating": ([*FLIGHT, coupling("drone", "wheel")], ("belt", "flight", "several coordinates")),
     "neither true nor false": ([WRONG_DEPENDENT], ("hub", "independent", "'fasle'")),
     "mimic: unknown": (
         [TIP, mimicking("elbow")],

@@ -9,7 +9,6 @@ from contextlib import suppress
 from glob import escape
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import typer
 
@@ -28,26 +27,23 @@ def robots(incomplete: str) -> list[str]:
     return [name for name in bundled_robots() if name.startswith(incomplete)] + sorted(files)
 
 
-def joints(context: typer.Context, incomplete: str) -> list[str]:
-    """Joints of the robot that the words before name."""
-    return [name for name in _names(context, "joints") if name.startswith(incomplete)]
+def _of_robot(kind: str) -> Callable[[typer.Context, str], list[str]]:
+    """What completes names of the robot that the words before name, if it can be loaded."""
+
+    def names(context: typer.Context, incomplete: str) -> list[str]:
+        from loopid.loading.robot_files import load
+
+        # An option that waits for its value keeps the words before it from their parameters.
+        robot = context.params.get("file") or next(iter(context.args), "")
+        with suppress(LoopidError), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return [name for name in getattr(load(robot), kind) if name.startswith(incomplete)]
+        return []
+
+    return names
 
 
-def links(context: typer.Context, incomplete: str) -> list[str]:
-    """Links of the robot that the words before name."""
-    return [name for name in _names(context, "links") if name.startswith(incomplete)]
-
-
-def _names(context: typer.Context, kind: str) -> list[Any]:
-    """Names of a robot; none where it cannot be loaded."""
-    from loopid.loading.robot_files import load
-
-    # An option that waits for its value keeps the words before it from their parameters.
-    robot = context.params.get("file") or next(iter(context.args), "")
-    with suppress(LoopidError), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return list(getattr(load(robot), kind))
-    return []
+joints, links = _of_robot("joints"), _of_robot("links")
 
 
 def words_of(place: str, *more: str) -> Callable[[str], list[str]]:

@@ -7,8 +7,8 @@ import pinocchio as pin
 from loopid.border import validated
 from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription
-from loopid.loading.urdf import SEVERAL, Dialect, linked
-from loopid.loading.urdf_tree import Joint, UrdfFile
+from loopid.loading.urdf import Dialect, linked
+from loopid.loading.urdf_tree import UrdfFile
 from loopid.loading.xml_elements import child, inner_tags, label, named_tags, numbers, required
 
 ENDS = ("predecessor", "successor")
@@ -22,13 +22,13 @@ def read_urdf_plus(urdf: UrdfFile, model: pin.Model) -> Dialect:
         raise RobotFileError(
             f"{label(element)} is not read: remove it, and write its closure into a YAML beside it"
         )
-    couplings = _couplings(urdf)
+    couplings = _couplings(urdf, model)
     return Dialect(
         closures=[*couplings.values()], followers=tuple(couplings), independent=_independent(urdf)
     )
 
 
-def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:
+def _couplings(urdf: UrdfFile, model: pin.Model) -> dict[str, ClosureDescription]:
     """``<coupling>`` tags: gears and belts between two links, by the joint that follows.
 
     From the nearest link that carries both, joints lead to the predecessor and to the successor.
@@ -38,7 +38,7 @@ def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:
     found = {}
     for element in named_tags(urdf.root, "coupling"):
         with naming(label(element)):
-            to_predecessor, to_successor = _branches(urdf, linked(urdf, element, ENDS))
+            to_predecessor, to_successor = _branches(model, linked(urdf, element, ENDS))
             (ratio,) = numbers(child(element, "ratio"), "value")
             if ratio == 0:
                 raise RobotFileError("<ratio> is zero")
@@ -48,25 +48,20 @@ def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:
     return found
 
 
-def _branches(urdf: UrdfFile, ends: tuple[str, str]) -> list[list[str]]:
+def _branches(model: pin.Model, ends: tuple[str, str]) -> list[list[str]]:
     """Joints that move two links against the nearest link that carries both."""
-    carriers = {joint.child: joint for joint in urdf.joints}
-    paths: list[list[Joint]] = [[], []]  # from the root to each link
-    for path, link in zip(paths, ends, strict=True):
-        while link in carriers:
-            path.insert(0, carriers[link])
-            link = carriers[link].parent
-    shared = {joint.name for joint in paths[0]} & {joint.name for joint in paths[1]}
+    frames = [model.frames[model.getFrameId(link, pin.FrameType.BODY)] for link in ends]
+    paths = [list(model.supports[frame.parentJoint]) for frame in frames]  # from the root on
     branches = []
-    for path, side, link in zip(paths, ENDS, ends, strict=True):
-        branch = [joint for joint in path if joint.name not in shared and joint.type != "fixed"]
+    for path, other, side, link in zip(paths, paths[::-1], ENDS, ends, strict=True):
+        branch = [joint for joint in path if joint not in other]
         if not branch:
             raise RobotFileError(f"no joint moves its {side} {link!r} against the other link")
         for joint in branch:
-            if joint.type in SEVERAL:
-                what = f"joint {joint.name} on the way to its {side} is {joint.type}"
-                raise RobotFileError(f"{what}: it has several coordinates")
-        branches.append([joint.name for joint in branch])
+            if model.joints[joint].nv > 1:
+                what = f"joint {model.names[joint]} on the way to its {side}"
+                raise RobotFileError(f"{what} has several coordinates")
+        branches.append([model.names[joint] for joint in branch])
     return branches
 
 

@@ -124,17 +124,9 @@ def judge(
     if predicted is None:
         predicted = new.predicted(fit.values), new.predicted(against.values)
     own, other = (shaped(each, "predicted", *new.force.shape) for each in predicted)
-    errors = tuple(
-        _rms_errors(samples, samples.force - forces)
-        for samples, forces in ((data, data.predicted(fit.values)), (new, own))
-    )
+    rms_errors = _rms_errors(data, data.predicted(fit.values)), _rms_errors(new, own)
     return Candidate(
-        name,
-        fit,
-        quality_of(new, own),
-        own,
-        (errors[0], errors[1]),
-        *error_ratio(new, own, other),
+        *(name, fit, quality_of(new, own), own, rms_errors), *error_ratio(new, own, other)
     )
 
 
@@ -144,9 +136,9 @@ def quality_of(samples: FitSamples, predicted: FloatArray) -> Quality:
     return Quality.of(samples.problem, squares)
 
 
-def _rms_errors(samples: FitSamples, residual: FloatArray) -> FloatArray:
-    """Standard errors (dof,) of the rms of residuals (N, dof), to first order; NaN for none."""
-    errors = np.full(len(samples.actuators), np.nan)
+def _rms_errors(samples: FitSamples, predicted: FloatArray) -> FloatArray:
+    """Standard errors (dof,) of the rms of errors of predicted forces (N, dof); NaN for none."""
+    errors, residual = np.full(len(samples.actuators), np.nan), samples.force - predicted
     for k in np.flatnonzero(samples.problem.samples):
         used = samples.used[:, k]
         squares = np.where(used, residual[:, k], 0.0) ** 2
@@ -177,16 +169,14 @@ def error_ratio(
         squares = np.where(samples.used, (samples.force - predicted) ** 2 + least, 0.0)
         return np.array([squares[parts == name].sum(axis=0) for name in names])
 
-    def logarithm(parts: tuple[FloatArray, FloatArray]) -> FloatArray:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.log(parts[0]) - np.log(parts[1])
-
     A, B = sums(own), sums(other)
-    motors = logarithm((A.sum(axis=0), B.sum(axis=0)))
-    present = np.isfinite(motors)
-    ratio = float(np.exp(motors[present].mean())) if present.any() else np.nan
-    without = logarithm((A.sum(axis=0) - A, B.sum(axis=0) - B))[:, present]
-    count = len(names)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        motors = np.log(A.sum(axis=0)) - np.log(B.sum(axis=0))
+        without = np.log(A.sum(axis=0) - A) - np.log(B.sum(axis=0) - B)
+    present, count = np.isfinite(motors), len(names)
+    ratio, without = np.nan, without[:, present]
+    if present.any():
+        ratio = float(np.exp(motors[present].mean()))
     if count < 2 or not np.isfinite(without).all():
         return (ratio, np.nan), np.exp(motors)
     spread = np.std(without.mean(axis=1)) * np.sqrt(count - 1)

@@ -186,11 +186,9 @@ class FitFile:
     @property
     def standard(self) -> ParameterSet:
         """Names of all p standard parameters and joint terms."""
+        every = self.content["standard_parameters"]
         return ParameterSet(
-            tuple(
-                replace(Parameter.parse(each["name"]), unit=each["unit"])
-                for each in self.content["standard_parameters"]
-            )
+            tuple(replace(Parameter.parse(each["name"]), unit=each["unit"]) for each in every)
         )
 
     @property

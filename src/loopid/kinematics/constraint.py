@@ -30,7 +30,7 @@ class Constraint:
     ) -> None:
         self.robot, self.q, self.prepared = robot, q, prepared(robot)
         if poses is None:
-            ids = self.prepared.closure_frames
+            ids, _ = robot.closure_frames
             # Without loops there is nothing to ask for.
             poses = frame_poses(robot, q if ids else q[:0], ids, jacobians=jacobians)
         self.poses = poses
@@ -46,33 +46,33 @@ class Constraint:
 
     def residual(self) -> FloatArray:
         """(N, rows), m or rad."""
-        residual = np.empty((len(self.q), self.prepared.rows, 1))
+        residual = np.empty((len(self.q), self.robot.rows, 1))
         self._fill(residual, lambda part, k: part.residual(self.pairs[k]))
-        cable_rows, lengths, _ = self.prepared.cables
-        residual[:, cable_rows, 0] -= self.q[:, lengths]
+        for row, (length, _) in self.robot.cable_rows.items():
+            residual[:, row, 0] -= self.q[:, length]
         for row, coupling in enumerate(self.robot.couplings, self.prepared.closure_rows):
             residual[:, row, 0] = coupling.residual(self.q)
         return residual[:, :, 0]
 
     def jacobian(self) -> FloatArray:
         """A (N, rows, nv)."""
-        A = np.zeros((len(self.q), self.prepared.rows, self.prepared.model.nv))
+        A = np.zeros((len(self.q), self.robot.rows, self.robot.model.nv))
         if self.pairs:
-            rates = self._pair_rates(self.poses.linear, lambda: self.poses.angular)
+            rates = _pair_rates(self.poses.linear, self.poses.angular)
             self._fill(A, lambda part, k: part.rate(self.pairs[k], rates[k]))
-        cable_rows, _, lengths = self.prepared.cables
-        A[:, cable_rows, lengths] -= 1.0
+        for row, (_, length) in self.robot.cable_rows.items():
+            A[:, row, length] -= 1.0
         for row, coupling in enumerate(self.robot.couplings, self.prepared.closure_rows):
             A[:, row, list(coupling.v_indices)] = coupling.jacobian(self.q)
         return A
 
     def drift(self, v: FloatArray) -> FloatArray:
         """(N, rows), d²r/dt² at velocities (N, nv) and zero acceleration."""
-        drift = np.zeros((len(self.q), self.prepared.rows, 1))
+        drift = np.zeros((len(self.q), self.robot.rows, 1))
         if self.pairs:
             at = frame_motions(self.robot, self.q, v, self.poses)
-            first = self._pair_rates(at.velocity[..., None], lambda: at.turn[..., None])
-            second = self._pair_rates(at.acceleration[..., None], lambda: at.turning[..., None])
+            first = _pair_rates(at.velocity[..., None], at.turn[..., None])
+            second = _pair_rates(at.acceleration[..., None], at.turning[..., None])
 
             def derivative(part: Equations, k: int) -> FloatArray:
                 return part.rate(self.pairs[k], second[k]) + part.curvature(self.pairs[k], first[k])
@@ -85,11 +85,11 @@ class Constraint:
     def translation_rates(self, moved: BoolArray) -> FloatArray:
         """(N, closure rows, 3 k) per unit translation along the fixed axes of k sets of frames."""
         count, width = len(self.q), 3 * moved.shape[1]
-        found = np.zeros((count, self.prepared.rows, width))
+        found = np.zeros((count, self.robot.rows, width))
         if self.pairs:
             one = np.einsum("fk,ab->fakb", moved, np.eye(3)).reshape(-1, 3, width)
             linear = np.broadcast_to(one, (count, *one.shape))
-            rates = self._pair_rates(linear, lambda: np.zeros(linear.shape))
+            rates = _pair_rates(linear, np.zeros(linear.shape))
             self._fill(found, lambda part, k: part.rate(self.pairs[k], rates[k]))
         return found
 
@@ -97,14 +97,6 @@ class Constraint:
         """Residual (N, rows) in m and A (N, rows, nv) in m per unit step."""
         scaled = self.robot.row_scales * self.residual()
         return scaled, scaled_jacobian(self.robot, self.jacobian())
-
-    def _pair_rates(self, linear: FloatArray, angular: Callable[[], FloatArray]) -> list[PairRates]:
-        """Rates of each closure from those of all frames (N, F, 3, k)."""
-        turns = angular() if self.prepared.turns else linear  # else no equation needs them
-        return [
-            PairRates(linear[:, k + 1] - linear[:, k], turns[:, k], turns[:, k + 1])
-            for k in range(0, linear.shape[1], 2)
-        ]
 
     def _fill(self, out: FloatArray, value: Callable[[Equations, int], FloatArray]) -> None:
         """Put what each equation of the k-th closure gives in its rows of an array (N, rows, c)."""
@@ -114,6 +106,14 @@ class Constraint:
                 found = value(part, k).reshape(count, part.count, width)
                 out[:, row : row + part.count] = found
                 row += part.count
+
+
+def _pair_rates(linear: FloatArray, angular: FloatArray) -> list[PairRates]:
+    """Rates of each closure from those of all frames (N, F, 3, k)."""
+    return [
+        PairRates(linear[:, k + 1] - linear[:, k], angular[:, k], angular[:, k + 1])
+        for k in range(0, linear.shape[1], 2)
+    ]
 
 
 @checked

@@ -44,26 +44,19 @@ def blocks(count: int, size: int | None = None) -> Iterator[slice]:
 
 
 class Prepared:
-    """Indices, units and memory of Pinocchio that are made once a robot; see ``prepared``."""
+    """Indices and units that are made once a robot; see ``prepared``."""
 
     def __init__(self, robot: Robot) -> None:
-        self.model, self.memory = robot.model, robot.memory
-        models = list(enumerate(self.model.joints))[1:]
+        models = list(enumerate(robot.model.joints))[1:]
         # Index and first coordinate of the joints that ``data.dJ`` is not all of.
         self.varying = [
             (k, joint.idx_v) for k, joint in models if joint.shortname() in VARYING_SUBSPACE
         ]
-        self.closure_frames, _ = robot.closure_frames
         # Of all frames: 1 where a coordinate moves a frame, else 0.
-        self.supports = robot.supports(range(self.model.nframes)).astype(np.float64)
-        self.rows, self.closure_rows = robot.rows, len(robot.row_closures)
-        # Whether any equation depends on how the frames of its closure turn.
-        self.turns = any(part.turns for closure in robot.closures for part in closure.equations)
-        # Row of each cable, and where its length is in configurations and in velocities.
-        cables = [(row, *ends) for row, ends in robot.cable_rows.items()]
-        self.cables = np.array(cables, dtype=np.int64).reshape(-1, 3).T
-        self.units = robot.row_scales[:, None] * robot.coordinate_scales
-        self.in_common_units = self.units * robot.moving
+        self.supports = robot.supports(range(robot.model.nframes)).astype(np.float64)
+        self.closure_rows = len(robot.row_closures)
+        units = robot.row_scales[:, None] * robot.coordinate_scales
+        self.in_common_units = units * robot.moving
         self.few_enough: set[int] = set()  # numbers of independent coordinates
 
 
@@ -123,7 +116,7 @@ def frame_poses(
 ) -> FramePoses:
     """Place frames, by their indices in the model, at configurations (N, nq)."""
     own = prepared(robot)
-    model, memory = own.model, own.memory
+    model, memory = robot.model, robot.memory
     data, frames, ids = memory.data, memory.placed, np.asarray(frame_ids, dtype=np.intp)
     placed = np.empty((len(q), len(ids), 12))
     jacobian, J = np.empty((len(q), 6 if jacobians else 0, model.nv)), data.J
@@ -142,8 +135,7 @@ def frame_poses(
 
 def frame_motions(robot: Robot, q: FloatArray, v: FloatArray, poses: FramePoses) -> FrameMotions:
     """How frames move at velocities (N, nv) and zero joint acceleration."""
-    own = prepared(robot)
-    model, data = own.model, own.memory.data
+    own, model, data = prepared(robot), robot.model, robot.memory.data
     # What each coordinate adds to the twists of bodies at the fixed origin, and to their rates.
     parts, dJ = np.empty((2, len(q), 6, model.nv)), data.dJ
     changes = np.zeros((len(q), 6, len(own.varying)))
@@ -207,8 +199,7 @@ def torque_regressors(
     >>> loopid.kinematics.torque_regressors(robot, robot.reference[None]).shape
     (1, 4, 40)
     """
-    own = prepared(robot)
-    tree, data = own.model, own.memory.data
+    tree, data = robot.model, robot.memory.data
     for name, array, width in (("q", q, tree.nq), ("v", v, tree.nv), ("a", a, tree.nv)):
         if array is not None and (np.ndim(array) != 2 or np.shape(array) != (len(q), width)):
             message = f"{name} must have shape (samples, {width}), not {np.shape(array)}"

@@ -19,6 +19,7 @@ from loopid.arguments import (
     one_as_many,
     row_blocks,
     samples,
+    shaped,
 )
 from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.poses import frame_poses
@@ -303,6 +304,7 @@ class Recording(Tabular):
 
     def at_log_rate(self, signal: FloatArray) -> FloatArray:
         """A signal (N,) at all samples of the log, on a line between those that were kept."""
+        signal = shaped(signal, "signal", len(self))
         if self.history is None:
             return signal
         return np.interp(np.arange(len(self.history.velocity)), self.history.rows, signal)

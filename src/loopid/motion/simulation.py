@@ -118,10 +118,6 @@ class Measurement(Tabular):
         write_file(path, self.text)
         return Path(path)
 
-    def __repr__(self) -> str:
-        count, motors = self.force.shape
-        return f"<Measurement of {motors} motors: {count} samples over {np.ptp(self.time):g} s>"
-
 
 @checked
 def simulate(
@@ -170,8 +166,9 @@ def simulate(
     >>> import loopid
     >>> robot = loopid.load("four_bar")
     >>> series = loopid.motion.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
-    >>> loopid.simulate(robot, series.motion(rate=20), loopid.motion.Noise(gaussian=0.1))
-    <Measurement of 1 motors: 41 samples over 2 s>
+    >>> log = loopid.simulate(robot, series.motion(rate=20), loopid.motion.Noise(gaussian=0.1))
+    >>> log.motors, log.force.shape
+    (('crank_joint',), (41, 1))
     """
     if isinstance(motion, Motion):
         motion = joint_motion(robot, motion)

@@ -73,7 +73,6 @@ class Equations(ABC):
 
     count: ClassVar[int]
     angular: ClassVar[bool] = False  # whether the residual is an angle in rad, otherwise in m
-    turns: ClassVar[bool] = True  # whether it depends on how the frames turn
 
     @abstractmethod
     def residual(self, pair: FramePair) -> FloatArray:
@@ -96,7 +95,6 @@ class Point(Equations):
     """The origins coincide: r = -d."""
 
     count = 3
-    turns = False
 
     def residual(self, pair: FramePair) -> FloatArray:
         return -pair.distance[:, :, 0]
@@ -139,7 +137,6 @@ class Distance(Equations):
     """A rod of length l joins the origins: r = (dᵀd - l²) / 2l."""
 
     count = 1
-    turns = False
 
     def __init__(self, length: float) -> None:
         self.length = length
@@ -163,7 +160,6 @@ class Length(Equations):
     """A cable of any length joins the origins: r = |d|, less the coordinate of its joint."""
 
     count = 1
-    turns = False
 
     def residual(self, pair: FramePair) -> FloatArray:
         return np.asarray(np.linalg.norm(pair.distance, axis=1))
