@@ -492,19 +492,15 @@ def _of_another_class(given: Any, alternatives: list[ErrorDetails]) -> str:
 
 def _advice(given: Any, kinds: list[str]) -> str:
     """How an object of one of the classes is had."""
-    own = type(given)
-    part = next((p for kind in kinds if (p := PARTS.get(kind)) and _has(own, p)), None)
+    own = type(given)  # asked for names alone: a property may refuse to be asked
+    names = {*dir(own), *getattr(own, "__dataclass_fields__", ())}
+    part = next((p for kind in kinds if (p := PARTS.get(kind)) in names), None)
     if part is not None:
         return f": give its {part}, .{part}"
     if own.__name__ == "Model" and own.__module__.startswith("pinocchio."):
         return ": from_pinocchio makes a Robot of it"
     makers = " or ".join(MADE_BY[each] for each in kinds if each in MADE_BY)
     return f": {makers} gives one" if makers else ""
-
-
-def _has(kind: type, name: str) -> bool:
-    """Whether objects of a class have an attribute: a property may refuse to be asked."""
-    return hasattr(kind, name) or name in getattr(kind, "__dataclass_fields__", {})
 
 
 def _shown(given: Any) -> str:

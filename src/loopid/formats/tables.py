@@ -19,13 +19,9 @@ class TableFormat(LogFormat):
 
     kind: ClassVar[str]
 
+    @property
     @abstractmethod
-    def _frame(self) -> polars.LazyFrame: ...
-
-    @cached_property
-    def _cells(self) -> polars.LazyFrame:
-        with refusals(self.path, self.kind):
-            return self._frame()
+    def _cells(self) -> polars.LazyFrame: ...
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         with refusals(self.path, self.kind):
@@ -44,7 +40,8 @@ class ParquetFormat(TableFormat):
     endings = (".parquet", ".pq")
     kind = "Parquet file"
 
-    def _frame(self) -> polars.LazyFrame:
+    @cached_property
+    def _cells(self) -> polars.LazyFrame:
         # Names of files may hold what else would stand for several files.
         return polars.scan_parquet(self.path, glob=False, hive_partitioning=False)
 
@@ -55,7 +52,8 @@ class JsonLinesFormat(TableFormat):
     endings = (".jsonl", ".ndjson")
     kind = "table of JSON lines"
 
-    def _frame(self) -> polars.LazyFrame:
+    @cached_property
+    def _cells(self) -> polars.LazyFrame:
         frame = polars.read_ndjson(self.path, infer_schema_length=None)
         columns = [part for column in frame.get_columns() for part in _parts(column)]
         return polars.DataFrame(columns).lazy()
@@ -67,7 +65,8 @@ class ExcelFormat(TableFormat):
     endings = (".xlsx", ".xls")
     kind = "workbook of Excel"
 
-    def _frame(self) -> polars.LazyFrame:
+    @cached_property
+    def _cells(self) -> polars.LazyFrame:
         with optional("fastexcel", "logs"):
             import fastexcel  # noqa: F401 - Polars asks for it
         return polars.read_excel(self.path).lazy()

@@ -619,6 +619,7 @@ def samples_of(
     force_model: ForceModel,
     recordings: Sequence[Recording],
     *,
+    each: Sequence[FitSamples] = (),
     references: Sequence[JointMotion] = (),
     n_jobs: int = 1,
 ) -> FitSamples:
@@ -629,6 +630,8 @@ def samples_of(
     force_model : ForceModel
     recordings : sequence of Recording
         At least one.
+    each : sequence of FitSamples
+        Of each recording, where they are known.
     references : sequence of JointMotion
         One a recording, or none.
     n_jobs : int
@@ -655,26 +658,15 @@ def samples_of(
     >>> loopid.identification.samples_of(model, [run]).regressor.shape[1:]
     (2, 15)
     """
-    return of_recordings(force_model, recordings, references=references, n_jobs=n_jobs)
-
-
-def of_recordings(
-    force_model: ForceModel,
-    recordings: Sequence[Recording],
-    each: Sequence[FitSamples] = (),
-    *,
-    references: Sequence[JointMotion] = (),
-    n_jobs: int = 1,
-) -> FitSamples:
-    """As ``samples_of``, where the samples of each recording may be known."""
     if not recordings:
         raise DataError("identification needs recordings to fit, and others to validate")
-    if references and len(references) != len(recordings):
-        raise OptionError(
-            f"references must be one motion a recording, {len(recordings)}, not {len(references)}",
-            given=len(references),
-            valid=len(recordings),
-        )
+    for name, given in (("each", each), ("references", references)):
+        if given and len(given) != len(recordings):
+            raise OptionError(
+                f"{name} must be one a recording, {len(recordings)}, not {len(given)}",
+                given=len(given),
+                valid=len(recordings),
+            )
     parts = [*each] or [force_model.samples(one, n_jobs=n_jobs) for one in recordings]
     for k, reference in enumerate(references):
         instruments = reference_instruments(force_model, recordings[k], reference, n_jobs=n_jobs)

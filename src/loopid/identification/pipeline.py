@@ -27,13 +27,7 @@ from loopid.identification.data import read, require_no_repetition
 from loopid.identification.delay import Delay, InTime, in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
-from loopid.identification.force_models import (
-    AUTOMATIC,
-    ForceModel,
-    force_model,
-    of_recordings,
-    samples_of,
-)
+from loopid.identification.force_models import AUTOMATIC, ForceModel, force_model, samples_of
 from loopid.identification.friction import allowing_drives, motor_use, with_friction
 from loopid.identification.identification import Identification, split_recordings
 from loopid.identification.information import (
@@ -375,8 +369,8 @@ def _sampled(
     def samples(
         model: ForceModel, each: Sequence[FitSamples] = ()
     ) -> tuple[FitSamples, FitSamples | None]:
-        data = of_recordings(model, runs.training, each, references=references, n_jobs=n_jobs)
-        return data, of_recordings(model, alone, n_jobs=n_jobs) if alone else None
+        data = samples_of(model, runs.training, each=each, references=references, n_jobs=n_jobs)
+        return data, samples_of(model, alone, n_jobs=n_jobs) if alone else None
 
     data, first = samples(force_model, () if known is None else known.samples)
     chosen = choose_terms(force_model, data if first is None else first)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -189,33 +189,17 @@ def _inside_limits(robot: Robot, stream: Stream) -> Stream:
                 f"{rows_text(stream.rows[shown])} of {len(values)}, at worst {worst:g}"
             )
             if refused:
-                straight = robot.slides(joint)
-                every = [stream.channels[place] for place in stream.places("position")]
-                alike = [c for c in every if robot.slides(c.joint) == straight]
-                scales = {c.joint: c.scale for c in alike}
-                # A number for all would scale hinges and slides, or what has a scale of its own.
-                mixed = len(alike) < len(every) or len({*scales.values()}) > 1
-                advice = _advice(straight, lower, upper, values, scales, mixed)
                 facts = {"joint": joint, "limits": (lower, upper), "given": worst}
-                raise stream.refused(f"{said}; {advice}", **facts)
+                raise stream.refused(f"{said}; {_advice(robot, stream, k)}", **facts)
             warn(f"{stream.source}: {said}: kept", DataWarning)
         lost |= far
     return stream.without(lost, "positions far outside the limits of their joints")
 
 
-def _advice(
-    straight: bool,
-    lower: float,
-    upper: float,
-    values: FloatArray,
-    scales: Mapping[str, float],
-    mixed: bool,
-) -> str:
-    """What change of unit or origin would bring values (R,) inside limits.
-
-    ``scales`` are those by which joints of this kind were read, ``mixed`` whether each needs its
-    own number.
-    """
+def _advice(robot: Robot, stream: Stream, place: int) -> str:
+    """What change of unit or origin would bring a column of positions inside its joint's limits."""
+    own, values = stream.channels[place], stream.values[:, place]
+    straight, (lower, upper) = robot.slides(own.joint), robot.limits(own.joint)
     # Of a turn of the motor a joint makes a part.
     turn = "m a turn" if straight else "2 pi"
     before = f"{turn} / (2 pi * ratio)" if straight else "1 / ratio"
@@ -224,9 +208,13 @@ def _advice(
     for name, factor in (OTHER_LENGTHS if straight else OTHER_ANGLES).items():
         scaled = values * factor
         if ((scaled >= lower) & (scaled <= upper)).mean() >= FITTING:
-            numbers = {each: f"{factor * given:.10g}" for each, given in scales.items()}
-            each_one = ", ".join(f"{each}: {number}" for each, number in numbers.items())
-            scale = f"{{{each_one}}}" if mixed else next(iter(numbers.values()))
+            scale = f"{factor * own.scale:.10g}"
+            every = [stream.channels[k] for k in stream.places("position")]
+            alike = {c.joint: c.scale for c in every if robot.slides(c.joint) == straight}
+            # A number for all would scale hinges and slides, or what has a scale of its own.
+            if len(alike) < len(every) or len({*alike.values()}) > 1:
+                numbers = (f"{joint}: {factor * given:.10g}" for joint, given in alike.items())
+                scale = f"{{{', '.join(numbers)}}}"
             return (
                 f"times {name} they would fit: give position_scale: {scale} in a mapping, or units "
                 f"of Log.from_arrays; of motors before their gears it is {before}"

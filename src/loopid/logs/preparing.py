@@ -18,7 +18,7 @@ from pydantic import Field
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_blocks, samples
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, first_of, warn
 from loopid.findings import Finding
-from loopid.kinematics.assembly import Assembly, try_assemble
+from loopid.kinematics.assembly import try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import difference
 from loopid.kinematics.projection import project, singularity_measure
@@ -440,7 +440,12 @@ def assemble_samples(
     time, last = log.time[rows], None
     configurations, singularity, residual, closed = [], [], [], []
     for block in row_blocks(len(rows), BLOCK):
-        outcome = _assembled(robot, time[block], measured[block], known, last)
+        outcome = None
+        if known is not None:
+            at = np.interp(time[block], known.time, np.arange(len(known))).round().astype(int)
+            outcome = try_assemble(robot, measured[block], start=known.configurations[at])
+        if outcome is None or not outcome.assembled.all():  # one by one
+            outcome = try_assemble(robot, measured[block], start=last, trajectory=True)
         found = outcome.configurations[outcome.assembled]
         configurations.append(found)
         singularity.append(singularity_measure(robot, found))
@@ -520,22 +525,6 @@ def encoder_faults(robot: Robot, recording: Recording) -> list[Finding]:
     values = [np.interp(recording.motion.time, log.time, column) for column in columns]
     joints = JointCoordinates(robot, robot.redundant)
     return [*misplaced_motors(robot, joints.write(q, np.stack(values, axis=1)), q)]
-
-
-def _assembled(
-    robot: Robot,
-    time: FloatArray,
-    measured: FloatArray,
-    known: JointMotion | None,
-    last: FloatArray | None,
-) -> Assembly:
-    """Assemble all at once from a known motion; without one, or if any fails, one by one."""
-    if known is not None:
-        at = np.interp(time, known.time, np.arange(len(known))).round().astype(np.int64)
-        found = try_assemble(robot, measured, start=known.configurations[at])
-        if found.assembled.all():
-            return found
-    return try_assemble(robot, measured, start=last, trajectory=True)
 
 
 def motion_of(
