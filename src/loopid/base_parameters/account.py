@@ -96,13 +96,9 @@ class SubgroupAccount:
     def renumbered(self, order: Sequence[int]) -> SubgroupAccount:
         """The same with row k called ``order[k]``."""
         names: dict[int | None, int | None] = {None: None, **dict(enumerate(order))}
-        groups = (
-            replace(
-                group,
-                rows=tuple(order[row] for row in group.rows),
-                removed=names[group.removed],
-                added=names[group.added],
-            )
-            for group in self.groups
-        )
+        groups = []
+        for group in self.groups:
+            rows = tuple(order[row] for row in group.rows)
+            removed, added = names[group.removed], names[group.added]
+            groups.append(replace(group, rows=rows, removed=removed, added=added))
         return replace(self, groups=tuple(groups))

@@ -1,11 +1,10 @@
 """Exact search: the least condition number of all choices, with a certificate.
 
 The null-space criterion falls apart into independent blocks; the regressor criterion is one block.
-With s and l the smallest and largest eigenvalue over all blocks, the squared condition number is
-l / s. Let ρ be the best value so far. A better joint selection has l in an interval: ``floor`` < =
-l < ``ceiling`` = ρ ``highest``. Its s is at most ``highest``. Branch and bound shows boxes without
-a selection. They shrink the interval from both ends until it is empty. Ties are then listed and the
-most readable one is returned. Derivation in docs/derivations.md.
+The squared condition number is l / s, the largest over the smallest eigenvalue of all blocks.
+Better selections have l between ``floor`` and ``ceiling``, and s of at most ``highest``. Boxes that
+branch and bound shows empty move these ends until nothing is left between them. Of ties the most
+readable one is returned. Derivation in docs/derivations.md.
 """
 
 from __future__ import annotations

@@ -1,12 +1,8 @@
 """The subgroup search of the knee-rehabilitation paper [its section II.C].
 
-It looks at n* = (1 + α) r rows of V2 at a time, and tries all C(n*, d) choices among them. Then it
-drops the row that occurs most often in the worse half of the invalid choices. It takes in the next
-one. The pseudocode decides rank by the last bits of the smallest singular value. It orders invalid
-choices by condition numbers that are round-off. So its outcome depends on the processor. The
-default variant decides both by what round-off cannot change. It takes rows in the order of pivoted
-QR, so that the first group holds a valid choice. Further decisions that the paper leaves open are
-explained in docs/paper.md.
+It looks at n* = (1 + α) r rows of V2 at a time, and tries all C(n*, d) choices among them. Then the
+row that occurs most often in the worse half of the invalid choices makes room for the next one. The
+outcome of the pseudocode depends on round-off, that of the default variant does not: docs/paper.md.
 """
 
 from __future__ import annotations

@@ -111,15 +111,14 @@ def with_scatter(found: WorkingFit) -> WorkingFit:
     """
     samples = found.samples
     with one_blas_thread():
-        between = found
         if samples.runs.any():
             scatter, every = Jackknife.of(found, samples.runs), np.ones(len(found.result.values))
             scatter = replace(scatter, freedom=max(scatter.present - 1, 1) * every)
-            between = _at_least(found, scatter, every)
-        if not samples.regions.any():
-            return between
-        scatter = Jackknife.of(between, samples.regions)
-        return _at_least(between, scatter, scatter.by_chance)
+            found = _at_least(found, scatter, every)
+        if samples.regions.any():
+            scatter = Jackknife.of(found, samples.regions)
+            found = _at_least(found, scatter, scatter.by_chance)
+    return found
 
 
 def _at_least(found: WorkingFit, scatter: Jackknife, ratio: FloatArray) -> WorkingFit:

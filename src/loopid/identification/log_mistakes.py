@@ -248,11 +248,6 @@ class _Mistakes(NamedTuple):
     found: Explanation
     undone: list[_Find]
 
-    @property
-    def evidence(self) -> float:
-        """Less what is lost by all choices."""
-        return self.found.evidence - sum(one.lost for one in self.undone)
-
 
 def _mistakes(model: Evidence, *, together: bool = True) -> _Mistakes:
     """Mistakes one after the other.
@@ -280,7 +275,8 @@ def _mistakes(model: Evidence, *, together: bool = True) -> _Mistakes:
         if clear[0].own is not None:
             others = _mistakes(model, together=False)
             (after,) = model.explained([clear[0].after.undone])
-            if others.findings and others.evidence >= after.evidence - clear[0].lost:
+            lost = sum(one.lost for one in others.undone) - clear[0].lost
+            if others.findings and others.found.evidence - lost >= after.evidence:
                 return others
             together = False
             found = model.weighed(found.undone)

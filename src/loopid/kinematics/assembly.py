@@ -1,13 +1,10 @@
 """Assembly: all coordinates from measured ones, on the assembly branch of the start.
 
-Samples on their own are reached along straight lines from the start. The length of steps adapts so
-that Newton's method contracts at once and the Jacobian keeps its orientation. The solution then
-stays on the branch of the start [Allgower2003]. All samples advance together; every linear solve is
-batched. Steps and residuals are in common units (see ``constraint``).
-
-Along a trajectory each is reached from the last one that was, as many at once as one step leads to.
-A step is the tangent there, and Newton's method. Where the next sample is too far for that, the
-path to it is followed in full.
+Samples on their own are reached along straight lines from the start, in steps so short that
+Newton's method contracts at once and the Jacobian keeps its orientation [Allgower2003]. Along a
+trajectory each is reached from the last one that was, as many at once as one step along the tangent
+leads to. All samples advance together. Steps and residuals are in common units (``constraint``).
+Derivation in docs/derivations.md.
 """
 
 from __future__ import annotations

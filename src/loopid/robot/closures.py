@@ -1,16 +1,13 @@
 """Loop closures: what each kind requires of two frames, in numbers, in symbols and in a robot file.
 
-A kind of closure is a set of elementary equations. Each of these is one class with its residual r
-and its unit. It has the rate of r as a linear map of the frames' velocities (hence the Jacobian).
-It has the part of the second derivative that is quadratic in the velocities (the rest of the
-drift). The residual r is also a CasADi expression for exported C code. With d = p_b - p_a, and with
-R the rotation and ω the angular velocity of a frame, everything along the fixed axes
-[Featherstone2008, ch. 8]:
+A kind of closure is a set of elementary equations. Each of these is one class with its residual r,
+its unit, and r as a CasADi expression for exported C code. The rate of r is a linear map of the
+frames' velocities. With d = p_b - p_a, and with R the rotation and ω the angular velocity of a
+frame, everything along the fixed axes [Featherstone2008, ch. 8]:
 
     r̈ = rate(accelerations) + curvature(velocities).
 
-``CLOSURE_KINDS`` is the registry: a new kind is an entry there, made of equations below or new
-ones.
+``CLOSURE_KINDS`` is the registry: a new kind is an entry there.
 """
 
 from __future__ import annotations
