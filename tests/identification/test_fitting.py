@@ -233,9 +233,10 @@ def test_summaries_fit_in_ten_lines():
         assert type(shown).__name__ in lines[0]
     assert "20 parameters" in repr(found)
     assert "13 more" in repr(found)
-    html = found._repr_html_()
-    assert html.count("<tr>") == 21
-    assert "link19.m" in html
+    for table, rows in ((found, 20), (reduction, len(reduction.steps))):
+        html = table._repr_html_()
+        assert html.count("<tr>") == rows + 1
+        assert "link19.m" in html
 
 
 def test_results_are_read_only_and_have_a_line_a_parameter():

@@ -19,7 +19,7 @@ from loopid.identification.information import Excitation
 from loopid.identification.outcome import Outcome
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit, of_all
-from loopid.parameters import ParameterSet
+from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
 
 # Standard errors of a difference that make it clear, and the relative difference of mean squared
@@ -108,6 +108,14 @@ class Reduction:
             f"{self.chosen.error.mean:.4g} (all: {self.steps[0].error.mean:.4g}):\n  "
             f"{first_of(names, NAMED)}"
         )
+
+    def _repr_html_(self) -> str:
+        head = ("parameters", "dropped", "% std", "training error", "validation error", "±")
+        rows = [
+            (len(s.labels), s.dropped or "", s.relative_std, s.training_error, *s.error[:2])
+            for s in self.steps
+        ]
+        return html_table(head, rows)
 
 
 @checked
