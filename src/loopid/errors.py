@@ -49,8 +49,8 @@ def shown(value: object) -> str:
 def unknown_word(what: str, given: object, valid: Iterable[str], where: str = "") -> str:
     """Which word is unknown, what it likely was to be, and which words are valid."""
     known = (*valid,)
-    listed = ", ".join(known) or "none"
-    return f"unknown {what} {shown(given)}{where}{near(given, known)}: choose among {listed}"
+    there = f"choose among {', '.join(known)}" if known else "there is none"
+    return f"unknown {what} {shown(given)}{where}{near(given, known)}: {there}"
 
 
 def near(given: object, valid: Iterable[str]) -> str:

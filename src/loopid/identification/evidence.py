@@ -140,7 +140,7 @@ class Evidence:
     def _samples(self, recording: Recording, parts: int) -> list[Any]:
         motion, used = recording.motion, recording.used
         rows, least = spread_rows(len(recording), SAMPLES // parts), -(-LEAST_SAMPLES // parts)
-        if (used[rows].sum(axis=0) < least).any():  # motors often stand
+        if used.any() and (used[rows].sum(axis=0) < least).any():  # motors often stand
             own = [np.flatnonzero(each) for each in used.T]
             spread = [moving[spread_rows(len(moving), least)] for moving in own]
             rows = np.unique(np.concatenate(spread))
