@@ -123,7 +123,7 @@ def test_slips_in_motions_are_refused_by_their_lines(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [("", "it is cut short or damaged"), ('{"format": "loo', "it is cut short or damaged")],
+    [("", "it is cut short, damaged or"), ('{"format": "loo', "it is cut short, damaged or")],
 )
 def test_a_fit_that_is_none_is_refused_in_plain_words(tmp_path, content, words):
     file = tmp_path / "fit.yaml"

@@ -663,7 +663,7 @@ def samples_of(
     for name, given in (("each", each), ("references", references)):
         if given and len(given) != len(recordings):
             raise OptionError(
-                f"{name} must be one a recording, {len(recordings)}, not {len(given)}",
+                f"{name} must be {len(recordings)}, one for each recording, not {len(given)}",
                 given=len(given),
                 valid=len(recordings),
             )
