@@ -85,7 +85,7 @@ editable_files: Registry[Any] = Registry("ending of a robot file that can be edi
 words_of_files: Registry[Any] = Registry(
     "word of robot files", {"joint term": "loopid.regressors.joint_laws:joint_term"}
 )
-# What a fit becomes: functions of a ``Fit``, and of where to.
+# What a fit becomes: functions of its robot or force model, and of its values.
 fit_exports: Registry[Any] = Registry(
     "form of a fit",
     {

@@ -161,7 +161,7 @@ def test_refusals(run, tmp_path):
     assert_refused(run("export", "five_bar", fit, "--urdf", f"{out}.xml"), "'.xml'", ".urdf")
     (tmp_path / "damaged.json").write_text(json.dumps({"format": "loopid fit"}))
     done = run("export", "five_bar", tmp_path / "damaged.json", "--yaml", f"{out}.yaml")
-    assert_refused(done, "damaged.json", "is a fit in form None")
+    assert_refused(done, "damaged.json", "is a fit in form 'unknown'")
     done = run("export", "four_bar", fit, "--yaml", f"{out}.yaml")
     assert_refused(done, "five_bar", "left_crank_joint")
     assert_refused(run("export", "five_bar", fit, "--c", out, "--name", "1"), "letters", "'1'")

@@ -86,9 +86,9 @@ def test_collisions_are_distances_between_links(tmp_path):
     np.testing.assert_allclose(found.least(q), np.abs(1 + np.exp(1j * q[:, 1])) - 0.3, atol=1e-6)
     # What cannot be read is told.
     whole = file.read_text()
-    for shape in ("<foo/>", "<sphere radius='nan'/>"):
+    for shape in ("<foo/>", "<sphere radius='nan'/>", "<sphere radius='-0.1'/>"):
         file.write_text(whole.replace("<sphere radius='0.1'/>", shape))
-        with pytest.warns(ModelWarning, match="1 shape of .* left out"):
+        with pytest.warns(ModelWarning, match="geometry of fore cannot be .* left out"):
             assert not Collisions(robot, q).pairs
     file.write_text(whole)
     # Without a mesh, no link touches another.

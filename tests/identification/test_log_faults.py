@@ -665,6 +665,7 @@ def test_a_motor_that_stands_all_the_time_leaves_evidence_of_the_others(load_onc
     run = record(robot, motion, noise=0.1)
     stands = replace(run, used=run.used & [True, False])
     model = Evidence(robot, [stands], None)
+    assert len(model.q) == len(Evidence(robot, [run], None).q)  # as many samples to look at
     assert np.isfinite(model.beside_rivals(model.weighed(model.recorded)).evidence)
     assert log_faults(robot, [stands]).mistakes == ()
     (found,) = log_faults(robot, [replace(stands, force=1e3 * stands.force)]).mistakes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import coal
@@ -11,10 +12,10 @@ from lxml import etree
 from scipy.spatial import ConvexHull, QhullError
 
 from loopid.arguments import FloatArray
-from loopid.errors import ModelWarning, counted, warn
+from loopid.errors import ModelWarning, warn
 from loopid.loading.files import files_of
 from loopid.loading.urdf_tree import urdf_root
-from loopid.robot.robot import Robot
+from loopid.robot.robot import Robot, shortened
 
 # Pairs of links that stay this part of the robot's length apart in random poses are not looked at.
 FAR = 0.1
@@ -76,10 +77,16 @@ def _geometry(robot: Robot) -> pin.GeometryModel:
     if tree is None or tree.suffix != ".urdf":
         return pin.GeometryModel()
     root, folders = urdf_root(tree), [str(folder) for folder in tree.absolute().parents]
+    given = Counter[str]()
     for link in root.findall("link"):
         for tag in link.findall("visual"):
             link.remove(tag)
-    urdf, given = etree.tostring(root, encoding="unicode"), len(root.findall("link/collision"))
+        for tag in link.findall("collision"):
+            given[link.get("name", "")] += 1
+            sizes = tag.xpath("geometry/*/@size | geometry/*/@radius | geometry/*/@length")
+            if any(each.startswith("-") for each in " ".join(sizes).split()):  # else it counts
+                link.remove(tag)
+    urdf = etree.tostring(root, encoding="unicode")
     try:
         geometry = pin.buildGeomFromUrdfString(
             robot.model, urdf, pin.GeometryType.COLLISION, package_dirs=folders
@@ -87,9 +94,10 @@ def _geometry(robot: Robot) -> pin.GeometryModel:
     except (ValueError, RuntimeError) as error:
         warn(f"collisions of {robot.name} are not looked at: {error}", ModelWarning)
         return pin.GeometryModel()
-    if unread := given - len(geometry.geometryObjects):
-        what = f"{counted(unread, 'shape')} of the collision geometry of {robot.name}"
-        warn(f"{what} cannot be read, and is left out: see the errors above", ModelWarning)
+    links = (robot.model.frames[piece.parentFrame].name for piece in geometry.geometryObjects)
+    if unread := given - Counter(links):
+        what = f"collision geometry of {shortened([*unread])} cannot be read, or has a size below 0"
+        warn(f"{what}: it is left out", ModelWarning)
     for piece in geometry.geometryObjects:
         if isinstance(piece.geometry, coal.BVHModelBase):
             piece.geometry = convex_hull(piece.geometry)

@@ -138,17 +138,17 @@ class Evidence:
         self._choose_columns()
 
     def _samples(self, recording: Recording, parts: int) -> list[Any]:
-        motion, used = recording.motion, recording.used
-        rows, least = spread_rows(len(recording), SAMPLES // parts), -(-LEAST_SAMPLES // parts)
-        if used.any() and (used[rows].sum(axis=0) < least).any():  # motors often stand
-            own = [np.flatnonzero(each) for each in used.T]
-            spread = [moving[spread_rows(len(moving), least)] for moving in own]
-            rows = np.unique(np.concatenate(spread))
+        motion, least = recording.motion, -(-LEAST_SAMPLES // parts)
+        rows = spread_rows(len(recording), SAMPLES // parts)
+        # Of motors that are left out there is nothing to look at.
+        moving = [np.flatnonzero(own) for own in recording.used.T if own.sum() >= least]
+        if any(np.isin(rows, own).sum() < least for own in moving):  # they often stand
+            rows = np.unique(np.concatenate([own[spread_rows(len(own), least)] for own in moving]))
         signals = directions(recording), motion.velocities, motion.accelerations
         rates = [signal[rows] for signal in signals]
         q, force = motion.configurations, recording.motor_force
         external = recording.force - force
-        return [q[rows], np.stack(rates, axis=2), force[rows], used[rows], external[rows]]
+        return [q[rows], np.stack(rates, axis=2), force[rows], recording.used[rows], external[rows]]
 
     def of_few(self) -> Evidence:
         """The same of few samples, evenly spread over those in which all motors move."""

@@ -50,8 +50,6 @@ def fit(
     Warns
     -----
     DataWarning
-        When parameters clearly vary between recordings.
-    DataWarning
         Naming the parameters whose 95 % interval includes zero.
 
     Examples

@@ -663,7 +663,8 @@ def samples_of(
     for name, given in (("each", each), ("references", references)):
         if given and len(given) != len(recordings):
             raise OptionError(
-                f"{name} must be one a recording, {len(recordings)}, not {len(given)}",
+                f"{name} must have {len(recordings)} entries, one for each recording, not "
+                f"{len(given)}",
                 given=len(given),
                 valid=len(recordings),
             )

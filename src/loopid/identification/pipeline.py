@@ -512,8 +512,7 @@ def fit_all(
     Warns
     -----
     DataWarning
-        Of parameters that vary between recordings, as ``fit``. The verdict counts what is not
-        significant in the recommended fit.
+        Of what data that excite all leave open once they are weighted by the motors' errors.
 
     Examples
     --------

@@ -127,11 +127,13 @@ class FitFile:
             content = json.loads(place.read_bytes())
         except (ValueError, RecursionError) as error:
             raise DataError(
-                f"{path} is not a saved fit: it is cut short or damaged ({error})", file=path
+                f"{path} is not a saved fit, which is JSON: it is cut short, damaged or written by "
+                f"another program ({error})",
+                file=path,
             ) from error
         if not isinstance(content, dict) or content.get("format") != FORM:
             raise DataError(f"{path} is not a saved fit: its format is not {FORM!r}", file=path)
-        if (form := content.get("version")) != VERSION:
+        if (form := content.get("version", "unknown")) != VERSION:
             raise DataError(
                 f"{path} is a fit in form {shown(form)}, and this loopid reads form {VERSION}: "
                 "identify the log again and save the fit",

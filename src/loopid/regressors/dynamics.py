@@ -34,7 +34,15 @@ from loopid.arguments import (
     shaped,
     variances,
 )
-from loopid.errors import DataError, MobilityError, OptionError, SingularityError
+from loopid.errors import (
+    DataError,
+    MobilityError,
+    ModelWarning,
+    OptionError,
+    SingularityError,
+    first_of,
+    warn,
+)
 from loopid.kinematics.assembly import (
     CONTRACTION,
     LONGEST_STEP,
@@ -358,6 +366,13 @@ class Dynamics:
         terms = (None if model is None else model.joint_terms) or JointTerms(())
         self._terms = terms if smoothing is None else replace(terms, smoothing=smoothing)
         self._laws = list(_laws_of(self.robot, self._terms))
+        if self._terms.displacements:
+            warn(
+                f"friction of {first_of([*self._terms.displacements], 3)}, which builds up after "
+                "reversals, is that of steady motion in Dynamics: exported C, simulate and predict "
+                "follow it",
+                ModelWarning,
+            )
         self._take(model)
         self._memory = _Memory()
 
