@@ -795,9 +795,13 @@ WRONG = {
         ("finger mimics last mimics finger", "circle"),
     ),
     "mimic: fixed": ([TIP, mimicking("peg_mount"), frame("peg", "hand")], ("'peg_mount'", "fixed")),
+    "mimic: of floating": (
+        [TIP, mimicking("shoulder", kind="floating")],
+        ("'finger' is floating: take",),
+    ),
     "mimic: floating": (
         [TIP, mimicking("flight"), *FLIGHT],
-        ("'flight'", "floating", "several coordinates"),
+        ("'flight'", "floating", "with one coordinate (shoulder"),
     ),
     "mimic: multiplier": ([TIP, mimicking("hub", 'multiplier="nan"')], ("<mimic> multiplier",)),
     "mimic: offset": ([TIP, mimicking("hub", 'offset="inf"')], ("<mimic> offset", "finite")),

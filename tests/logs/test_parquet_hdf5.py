@@ -205,7 +205,10 @@ def test_groups_are_streams_with_a_time_of_their_own(knee, truth, columns, hdf5)
             lambda file, c: matrices(file, c | {"time": c["time"][:9]}),
             "'time' has 9 rows, but 'pos",
         ),
-        (lambda file, c: [fields(file, c), matrices(file, c)], "'time' twice, the second in /time"),
+        (
+            lambda file, c: [fields(file, c), matrices(file, c)],
+            "'time' twice, the second in time of /",
+        ),
         (lambda file, c: fields(file, c | {"time": 0 * c["time"]}), "time stands still"),
     ],
 )
