@@ -146,7 +146,7 @@ def test_a_terminal_without_columns_is_printed_for(run, monkeypatch):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full disk")
 @pytest.mark.validate
-@pytest.mark.parametrize("line", ["check five_bar --json", "check five_bar"])
+@pytest.mark.parametrize("line", ["check five_bar --json", "check five_bar", "--help"])
 def test_a_result_that_does_not_fit_on_the_disk_is_told(line):
     with Path("/dev/full").open("w") as full:
         script = [sys.executable, "-m", "loopid", *line.split()]

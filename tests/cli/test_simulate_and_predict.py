@@ -118,6 +118,7 @@ def test_a_leg_that_stands_is_not_shaken_in_the_log_of_the_knee_robot(run, tmp_p
 def test_numbers_that_mean_nothing_are_refused_in_one_sentence(run, tmp_path, option, value):
     found = run("simulate", "five_bar", f"--{option}={value}", "--out", tmp_path / "run.csv")
     assert (found.code, "Traceback" in found.err) == (2, False)
+    assert f"--{option}" in found.err
     assert not (tmp_path / "run.csv").exists()
 
 

@@ -279,6 +279,12 @@ def test_other_refusals(load_once, tmp_path):
     own = mechanism.standard_parameters()
     with pytest.raises(DataError, match="finite"):
         updated_robot_file(mechanism, own * np.nan)
+    for few in (own[:3], own[0]):
+        with pytest.raises(DataError, match=r"have shape \(40,\) or \(16,\), not"):
+            updated_robot_file(mechanism, few)
+    terms = loopid.JointTerms.of(mechanism, "Fc").parameters(mechanism)
+    with pytest.raises(DataError, match=r"standard parameters lack .*left_crank"):
+        updated_robot_file(mechanism, np.ones(len(terms)), parameters=terms)
     with pytest.raises(OptionError) as refused:
         export_robot_file(mechanism, own, tmp_path / "new.xml")
     assert refused.value.facts == {"given": ".xml", "valid": (".urdf",)}

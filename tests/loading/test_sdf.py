@@ -384,5 +384,5 @@ def test_plugins_that_close_loops_are_noted(load, tmp_path):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         assert loopid.load(tmp_path / "robot.sdf").closures == ()
-    said = "plugin 'gz-sim-detachable-joint-system' is not read: write its closure into a YAML"
+    said = "plugin 'gz-sim-detachable-joint-system' is not read: where it closes a loop"
     assert any(said in str(each.message) for each in caught)

@@ -657,10 +657,12 @@ def test_plugins_that_couple_or_close_are_noted(read):
     plugins = """<gazebo><plugin name="a" filename="libmimic_joint_plugin.so">
         <joint>shoulder</joint><mimicJoint>wrist</mimicJoint><multiplier>-1</multiplier></plugin>
         <plugin name="b" filename="libclosed_loop_plugin.so"/>
+        <plugin name="d" filename="libclosed_loop_plugin.so"/>
         <plugin name="c" filename="libcontrol.so"/></gazebo>"""
     assert read(*BRANCHES, plugins).notes == (
         "plugin 'libmimic_joint_plugin.so' is not read: give a <mimic> to wrist",
-        "plugin 'libclosed_loop_plugin.so' is not read: write its closure into a YAML beside it",
+        "plugin 'libclosed_loop_plugin.so' is not read: where it closes a loop, write its "
+        "closure into a YAML beside it",
     )
     tied = mimicking("shoulder").replace("finger", "wrist")
     parts = [part for part in BRANCHES if "wrist" not in part and "hand" not in part]
@@ -795,9 +797,13 @@ WRONG = {
         ("finger mimics last mimics finger", "circle"),
     ),
     "mimic: fixed": ([TIP, mimicking("peg_mount"), frame("peg", "hand")], ("'peg_mount'", "fixed")),
+    "mimic: of floating": (
+        [TIP, mimicking("shoulder", kind="floating")],
+        ("'finger' is floating: take",),
+    ),
     "mimic: floating": (
         [TIP, mimicking("flight"), *FLIGHT],
-        ("'flight'", "floating", "several coordinates"),
+        ("'flight'", "floating", "with one coordinate (shoulder"),
     ),
     "mimic: multiplier": ([TIP, mimicking("hub", 'multiplier="nan"')], ("<mimic> multiplier",)),
     "mimic: offset": ([TIP, mimicking("hub", 'offset="inf"')], ("<mimic> offset", "finite")),

@@ -149,7 +149,9 @@ def test_alike_topics_are_told_apart_by_the_mapping(knee, ros, write, run):
     forces = {joint: f"/joint_states:{joint}.effort" for joint in knee.actuated}
     both = read_log(path, knee, mapping=LogMapping(position=mixed, force=forces))
     np.testing.assert_allclose(both.position, run[1] + 1e-3, atol=1e-12)
-    with pytest.raises(LogError, match=r"unknown topic .* '/other' .*: choose among /joint_st"):
+    with pytest.raises(
+        LogError, match=r"unknown topic '/other' of joint states in .*: choose among /joint_st"
+    ):
         read_log(path, knee, mapping=LogMapping(topic="/other"))
 
 

@@ -84,5 +84,5 @@ def test_a_mapping_undoes_the_delay_of_a_stream(load_once, tmp_path):
     }
     log = read_log(folder, robot, mapping=LogMapping(**columns, delay={"drives": 0.05}))
     np.testing.assert_allclose(log.force, log.position, atol=1e-9)
-    with pytest.raises(LogError, match="joint or stream in delay of the mapping 'drive'"):
+    with pytest.raises(LogError, match="joint or stream 'drive' in delay of the mapping of"):
         read_log(folder, robot, mapping=LogMapping(**columns, delay={"drive": 0.05}))

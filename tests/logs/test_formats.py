@@ -190,6 +190,9 @@ def test_npz_with_an_array_a_column(truth, knee, check, tmp_path):
         columns |= {joint: truth.position[:, k], f"{joint}.force": truth.force[:, k]}
     np.savez_compressed(tmp_path / "run.npz", **columns)
     check(read_log(tmp_path / "run.npz", knee))
+    paths = {name.replace(".", "/"): values for name, values in columns.items()}
+    np.savez(tmp_path / "paths.npz", **paths)
+    check(read_log(tmp_path / "paths.npz", knee))
 
 
 def test_only_some_rows_are_as_if_there_were_no_others(

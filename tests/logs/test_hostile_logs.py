@@ -102,6 +102,7 @@ HOSTILE = {
 
 
 @pytest.mark.skipif(os.name != "posix", reason="makes pipes")
+@pytest.mark.filterwarnings("ignore:.* has objects:loopid.errors.DataWarning")
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_hostile_files_are_refused_in_one_sentence(kind, tmp_path, load_once):
     name, write, said = HOSTILE[kind]

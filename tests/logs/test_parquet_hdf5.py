@@ -10,6 +10,7 @@ from recorded_logs import columns_of, write_hdf5, write_parquet
 from simulated_logs import EPOCH
 
 from loopid.errors import DataWarning, LogError
+from loopid.formats.hdf5 import Hdf5Format
 from loopid.logs import LogMapping, read_log
 from loopid.logs.reading import read_streams
 
@@ -197,6 +198,17 @@ def test_groups_are_streams_with_a_time_of_their_own(knee, truth, columns, hdf5)
     np.testing.assert_allclose(log.force[:, 3], exact, atol=1e-9)
 
 
+def test_packed_pictures_are_no_columns(knee, columns, hdf5, truth):
+    def fill(file):
+        matrices(file, columns)
+        pictures = file.create_dataset("pictures", (COUNT,), h5py.vlen_dtype(np.uint8))
+        pictures[0] = np.arange(9)
+
+    path = hdf5(fill)
+    check(read_log(path, knee), truth)
+    assert "pictures" not in Hdf5Format(path).columns()["/"]
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -205,7 +217,10 @@ def test_groups_are_streams_with_a_time_of_their_own(knee, truth, columns, hdf5)
             lambda file, c: matrices(file, c | {"time": c["time"][:9]}),
             "'time' has 9 rows, but 'pos",
         ),
-        (lambda file, c: [fields(file, c), matrices(file, c)], "'time' twice, the second in /time"),
+        (
+            lambda file, c: [fields(file, c), matrices(file, c)],
+            "'time' twice, the second in time of /",
+        ),
         (lambda file, c: fields(file, c | {"time": 0 * c["time"]}), "time stands still"),
     ],
 )

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import DataError, OptionError
-from loopid.motion import FourierSeries, Motion, Waypoint, point_to_point
+from loopid.motion import FourierSeries, JointMotion, Motion, Waypoint, point_to_point
 from loopid.motion.trajectories import Arc
 
 NAMES = ("x_m", "z_m", "theta")
@@ -109,6 +109,7 @@ def test_the_mean_of_a_period_is_the_offset():
             "cosine must have shape",
         ),
         (lambda: FourierSeries(NAMES, 1.0, START, np.ones(3), np.ones(3)), "sine must have"),
+        (lambda: JointMotion(1.0, *np.zeros((3, 1, 2)), [0.1]), "time must have shape"),
         (lambda: Motion(NAMES, np.array([0.0, 0.0]), *np.zeros((3, 2, 3))), "increase"),
         (lambda: Motion(NAMES, np.array([0.0, 1.0]), *np.zeros((3, 2, 2))), "position"),
     ],

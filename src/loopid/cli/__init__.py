@@ -7,13 +7,14 @@ runs: ``loopid check`` does not wait for the estimators.
 from __future__ import annotations
 
 import io
+import os
 import sys
 
 import typer
 
 from loopid.cli.logs import compare, export, identify, paper, payload, predict
 from loopid.cli.robots import base, check, excite, init, motions, schema, simulate, view
-from loopid.cli.shell import Command
+from loopid.cli.shell import Command, say
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 # Each with an example, in the order of the work.
@@ -57,4 +58,10 @@ def main() -> None:
     """Run the command line."""
     if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be text
         sys.stdout.reconfigure(errors="backslashreplace")
-    app(prog_name="loopid")
+    try:
+        app(prog_name="loopid")
+    except OSError as error:  # of commands and of help; typer ends ``loopid ... | head`` itself
+        if error.filename is None:  # what waits to be written is lost
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        say(f"error: {error.filename or 'standard output'}: {error.strerror}")
+        sys.exit(2)

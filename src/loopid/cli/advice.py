@@ -30,6 +30,7 @@ ARGUMENT = re.compile(r"^[a-z]\w*(?= must )")
 # Arguments that options of other names are given to.
 RENAMED = {
     "gaussian": "noise",
+    "deviation": "cad_error",
     "positions": "limit",
     "speeds": "max_speed",
     "accelerations": "max_acceleration",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import shlex
 import shutil
 import sys
@@ -58,12 +56,6 @@ class Command(TyperCommand):
                         say(f"warning: {text}", whole=ctx.params.get("verbose", False))
         except LoopidError as error:
             refuse(in_options(str(error), ctx))
-        except OSError as error:
-            if error.errno == errno.EPIPE:  # as of ``loopid ... | head``: typer ends the command
-                raise
-            if error.filename is None:  # what waits to be written is lost
-                os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-            refuse(f"{error.filename or 'standard output'}: {error.strerror}")
         except MemoryError as error:
             refuse(f"there is not enough memory: {error}")
         except KeyboardInterrupt:

@@ -201,19 +201,23 @@ def body_parameters(
     robot: Robot, standard_parameters: FloatArray, parameters: ParameterSet | None
 ) -> FloatArray:
     """Parameters (bodies, 10), or (bodies, 4) of a gravity model, those of tied links repeated."""
-    values, every = finite(standard_parameters, "standard parameters"), robot.parameters()
-    if parameters is None:
-        parameters = every if len(values) == len(every) else robot.parameters("gravity")
-    if values.shape != (len(parameters),):
+    values = finite(standard_parameters, "standard parameters")
+    own = {model: robot.parameters(model) for model in ("full", "gravity")}
+    named = [*own.values()] if parameters is None else [parameters]
+    labels = next((each.labels for each in named if values.shape == (len(each),)), None)
+    if labels is None:
+        shapes = " or ".join(f"({len(each)},)" for each in named)
         raise DataError(
-            f"standard parameters must have shape ({len(parameters)},), not {values.shape}: give "
-            "their names where joint terms are among them"
+            f"standard parameters must have shape {shapes}, not {values.shape}: give their names "
+            "where joint terms are among them"
         )
-    known = dict(zip(parameters.labels, values.tolist(), strict=True))
-    model = "full" if known.keys() >= {*every.labels} else "gravity"
-    own = np.array([known[label] for label in robot.parameters(model).labels])
+    known = dict(zip(labels, values.tolist(), strict=True))
+    model = "full" if known.keys() >= {*own["full"].labels} else "gravity"
+    if lacking := [label for label in own[model].labels if label not in known]:
+        raise DataError(f"standard parameters lack {', '.join(lacking):.200}")
     count = len(MODELS[model])
-    return np.asarray((robot.tie_matrix(count) @ own).reshape(-1, count))
+    bodies = np.array([known[label] for label in own[model].labels])
+    return np.asarray((robot.tie_matrix(count) @ bodies).reshape(-1, count))
 
 
 def joint_terms(parameters: ParameterSet, values: FloatArray) -> Terms:

@@ -102,7 +102,7 @@ class BagFormat(LogFormat):
             raise self.refused(f"has no topic of type {JOINT_STATE}: it has {there}")
         if self.chosen is None:
             return counts
-        LogError.require("topic with joint states", self.chosen, counts, f" of {self.path}")
+        LogError.require("topic", self.chosen, counts, f" of joint states in {self.path}")
         return {self.chosen: counts[self.chosen]}
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:

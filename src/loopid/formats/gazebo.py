@@ -13,7 +13,7 @@ from loopid.loading import xml_elements as xml
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
 from loopid.loading.urdf_tree import UrdfFile
-from loopid.robot.robot import LeftOut
+from loopid.robot.robot import LeftOut, shortened
 
 # What names and files of plugins that close loops hold.
 CLOSING_PLUGIN = re.compile("closed_?loop|attach_links|detachable_?-?joint", re.IGNORECASE)
@@ -63,9 +63,16 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
 
 def unread_plugins(plugins: Iterable[xml.Element], followers: Collection[str]) -> Iterator[str]:
     """Sentences about plugins that close loops, or let others than the ``followers`` follow."""
+    found: dict[str, list[str]] = {}  # which follow by a plugin, none by one that closes loops
     for plugin in plugins:
-        file, follower = plugin.get("filename", ""), xml.text_at(plugin, "mimicJoint")
+        file, name = plugin.get("filename", ""), plugin.get("name", "")
+        follower = xml.text_at(plugin, "mimicJoint")
         if follower and follower not in followers:
-            yield f"plugin {shown(file)} is not read: give a <mimic> to {follower}"
-        elif CLOSING_PLUGIN.search(file + plugin.get("name", "")):
-            yield f"plugin {shown(file)} is not read: write its closure into a YAML beside it"
+            found.setdefault(file, []).append(follower)
+        elif CLOSING_PLUGIN.search(file + name):
+            found.setdefault(file or name, [])
+    for file, joints in found.items():
+        do = "where it closes a loop, write its closure into a YAML beside it"
+        if joints:
+            do = f"give a <mimic> to {shortened(joints)}"
+        yield f"plugin {shown(file)} is not read: {do}"

@@ -30,5 +30,9 @@ class Hdf5Format(ArrayFormat):
                 LogError.require("group", chosen, groups, f" of {self.path}")
             for name, item in items.items():
                 inside = not chosen or name.startswith(f"{chosen}/")
-                if inside and isinstance(item, h5py.Dataset) and has_columns(item.shape or ()):
-                    yield item.parent.name, item.name, item[()]
+                if not (inside and isinstance(item, h5py.Dataset)):
+                    continue
+                # Entries that are arrays of any length are packed pictures, which are not read.
+                packed = h5py.check_vlen_dtype(item.dtype) not in (None, str, bytes)
+                if has_columns(item.shape or ()) and not packed:
+                    yield item.parent.name, name.rpartition("/")[-1], item[()]

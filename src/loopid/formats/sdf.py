@@ -228,6 +228,9 @@ class _Sdf:
     def _edge(self, name: str, element: xml.Element, scope: str) -> _Edge:
         kind = element.get("type", "").strip()
         with naming(xml.label(element)):
+            if kind in ("gearbox", "screw"):
+                do = "take it out, and write its coupling into a YAML beside it"
+                raise RobotFileError(f"a {kind} is not read: {do}")
             RobotFileError.require("type", kind, (*IN_TREE, *TWO_AXES))
             parent, carried = (
                 self.carrier(scope, xml.content(element, side)) for side in ("parent", "child")

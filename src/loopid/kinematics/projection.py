@@ -250,7 +250,7 @@ def project(
     q = samples(configurations, robot.model.nq, "configurations")
     parts = partition(robot, independent)
     found = [(each.G, each.solver.matrices) for _, each in tangent_spaces(robot, q, parts)]
-    G, columns = map(np.concatenate, zip(*found, strict=True))
+    G, columns = map(_joined, zip(*found, strict=True))
     return Projection(G, parts[0], columns)
 
 
@@ -302,7 +302,7 @@ def closed_motion(
     for rows, each in tangent_spaces(robot, q, parts):
         v = (each.G @ rates[rows, :, None])[:, :, 0]
         found.append((each.G, each.solver.matrices, v, each.gamma(v[:, None])[:, 0]))
-    G, columns, v, gamma = map(np.concatenate, zip(*found, strict=True))
+    G, columns, v, gamma = map(_joined, zip(*found, strict=True))
     a = (G @ second[:, :, None])[:, :, 0] + gamma
     return ClosedMotion(q, v, a, gamma, Projection(G, parts[0], columns))
 
@@ -375,6 +375,13 @@ def tangent_spaces(
         yield rows, found
     if doubts:
         _refuse_singular(doubts, len(parts[1]))
+
+
+def _joined(arrays: Sequence[FloatArray]) -> FloatArray:
+    """One read-only array, which a record need not copy."""
+    whole = np.concatenate(arrays)
+    whole.setflags(write=False)
+    return whole
 
 
 def velocity_map(

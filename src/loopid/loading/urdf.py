@@ -132,10 +132,10 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
             if end not in single:
                 kind = joints[end].type if end in joints else "not there"
                 valid = ", ".join(other for other in single if other not in leaders)
+                other = f"name a joint with one coordinate ({valid}), or " if end == leading else ""
                 raise RobotFileError(
-                    f"joint {name} mimics {leading!r}, but {end!r} is {kind}, and joints with none "
-                    f"or several coordinates cannot: name another ({valid}), or take the <mimic> "
-                    "out"
+                    f"joint {name} mimics {leading!r}, but {end!r} is {kind}: {other}take the "
+                    "<mimic> out"
                 )
         chain = [name]
         while chain[-1] in leaders and len(chain) <= len(leaders):

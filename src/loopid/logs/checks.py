@@ -143,12 +143,17 @@ def _require_usual_step(stream: Stream) -> None:
     shortest, longest = SHORTEST_STEP, LONGEST_STEP
     step = float(np.median(np.diff(stream.stamps))) / 1e9
     if not shortest <= step <= longest:
-        units = (u for u, each in NANOSECONDS.items() if shortest <= step * each / 1e9 <= longest)
+        steps = {unit: step * each / 1e9 for unit, each in NANOSECONDS.items()}
+        units = [
+            f"{{column: NAME, unit: {unit}}} for {1 / own:.3g} Hz"
+            for unit, own in steps.items()
+            if shortest <= own <= longest
+        ]
         do = "give times in s, or the rate of even rows in Hz"
-        if unit := next(units, None):
+        if units:
             do = (
-                "give the unit of the time in a mapping, as time: "
-                f"{{column: NAME, unit: {unit}}}, or in units of Log.from_arrays"
+                f"give the unit of the time in a mapping, as time: {' or '.join(units)}, or in "
+                "units of Log.from_arrays"
             )
         raise stream.refused(
             f"the median step between time stamps is {step:.3g} s, but must be from {shortest:g} "

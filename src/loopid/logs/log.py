@@ -468,7 +468,8 @@ class Log(Tabular):
         """What a function makes of signals (N, ...) of each segment, and of its rate."""
         values = rectangular(values, "values")
         if values.shape[:1] != self.time.shape:
-            raise DataError(f"values must have {len(self)} rows, one a sample", argument="values")
+            said = f"values must have {len(self)} rows, one a sample, not shape {values.shape}"
+            raise DataError(said, argument="values")
         return np.concatenate([function(values[part], self.rate(part)) for part in self.parts()])
 
     @derived

@@ -261,8 +261,8 @@ class LogMapping(Section):
         """Delays of the time stamps of some streams, in s; not those of joints."""
         given = self.delay if isinstance(self.delay, Mapping) else {}
         for name in given:
-            what, where = "joint or stream in delay of the mapping", f" of {source}"
-            LogError.require(what, name, (*joints, *streams), where)
+            where = f" in delay of the mapping of {source}"
+            LogError.require("joint or stream", name, (*joints, *streams), where)
         return {name: delay for name, delay in given.items() if name not in joints}
 
     def with_gains(
@@ -311,11 +311,13 @@ class LogMapping(Section):
         if not isinstance(given, Mapping):
             return [given] * len(joints)
         for name in given:
-            LogError.require(f"motor in {key} of the mapping", name, joints, f" of {source}")
+            LogError.require("motor", name, joints, f" in {key} of the mapping of {source}")
         left_out = [joint for joint in joints if joint not in given]
         if left_out and not key.endswith(("_scale", "_offset")):
             raise LogError(
-                f"{source}: {key} of the mapping leaves out {', '.join(left_out)}", key=key
+                f"{source}: {key} of the mapping leaves out {', '.join(left_out)}: give a number "
+                "for each motor, or one for all",
+                key=key,
             )
         return [given.get(joint, getattr(LogMapping(), key)) for joint in joints]
 

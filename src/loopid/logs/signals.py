@@ -350,7 +350,7 @@ class ColumnFinder:
         """Columns of joints that no motor moves, each joint a quantity."""
         for joint, columns in self.mapping.free.items():
             if len(columns) != 1:
-                self._require_count(columns, f"{joint}, of which several are a pose", POSE)
+                self._require_count(columns, f"{joint} (one, or a pose)", POSE)
             for component, place in zip(POSE, map(self._called, columns), strict=False):
                 unit = self._unit("position", place.column, None, "a header's unit")
                 yield place, Channel(free_name(joint), component, place.column, unit.scale, 0.0)

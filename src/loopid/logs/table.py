@@ -295,16 +295,19 @@ class ArrayFormat(LogFormat):
         with refusals(self.path, self.kind):
             for stream, array, values in self._arrays():
                 columns = streams.setdefault(stream, {})
-                for name, column in _columns_in(array.rpartition("/")[-1], values):
+                for name, column in _columns_in(array, values):
                     if name in columns:
-                        raise self.refused(f"has column {name!r} twice, the second in {array}")
+                        raise self.refused(
+                            f"has column {name!r} twice, the second in {array} of {stream}"
+                        )
                     columns[name] = column
         return streams
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
-        if not self._streams:
+        found = {name: tuple(columns) for name, columns in self._streams.items() if columns}
+        if not found:
             raise self.refused("holds no arrays with one or two axes")
-        return {name: tuple(columns) for name, columns in self._streams.items()}
+        return found
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
         columns = self._streams[stream]

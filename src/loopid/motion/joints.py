@@ -43,7 +43,7 @@ class JointMotion:
         for name in (field.name for field in fields(self)):
             values = getattr(self, name)
             width = () if name in ("time", "singularity") else np.shape(values)[1:2] or (1,)
-            object.__setattr__(self, name, shaped(values, name, len(self.time), *width))
+            object.__setattr__(self, name, shaped(values, name, np.size(self.time), *width))
 
     def __len__(self) -> int:
         return len(self.time)
