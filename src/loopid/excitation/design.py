@@ -202,7 +202,7 @@ def design_motion(
     Warns
     -----
     DataWarning
-        Naming what the motion does not excite.
+        Naming what the motion does not excite, and the limit that it comes nearest to.
 
     Notes
     -----
@@ -261,7 +261,7 @@ def design_motion(
         else:
             before = _run(problem, found.start)["standard_errors"]
     start, waypoints = problem.shape.waypoints(found.X)
-    _warn_of_unexcited(problem, unknown.parameters, run["standard_errors"])
+    _warn_of_unexcited(problem, unknown.parameters, run["standard_errors"], found.checks)
     return ExcitationDesign(
         force_model=model,
         parameters=unknown.parameters,
@@ -332,16 +332,26 @@ def _with_threshold(limits: MotionLimits, model: ForceModel, poses: FloatArray) 
     return replace(limits, singularity_threshold=least)
 
 
-def _warn_of_unexcited(problem: Problem, unknown: ParameterSet, errors: FloatArray) -> None:
-    """Name what was required and no motion was found for."""
+def _warn_of_unexcited(
+    problem: Problem, unknown: ParameterSet, errors: FloatArray, checks: Sequence[Check]
+) -> None:
+    """Name what was required and no motion was found for, and the bound that is in the way."""
     missing = ~np.isfinite(errors)
     if isinstance(problem.criterion, OfCombinations):
         missing &= np.any(problem.criterion.rows, axis=0)
     labels = [unknown.labels[j] for j in np.flatnonzero(missing)]
     if labels:
+        # In scales; checks of what is no bound come last.
+        bounds = zip(checks, problem.bounds.all, strict=False)
+        left = {
+            check.name: min(check.lowest - check.lower, check.upper - check.highest) / bound.scale
+            for check, bound in bounds
+        }
+        nearest = min(left, key=left.__getitem__, default="")
+        of_these = f", of which that of the {nearest} is nearest," * bool(nearest)
         warn(
             f"the motion of {problem.robot.name} does not excite {shortened(labels)}: widen its "
-            "limits, which the report lists, or lock what cannot move",
+            f"limits{of_these} or lock what cannot move",
             DataWarning,
         )
 
