@@ -148,7 +148,7 @@ def require_ending(path: str | Path, endings: Sequence[str]) -> str:
     """The ending of a path, by which files of its kind are known; an OptionError of another."""
     ending = Path(path).suffix.lower()
     if ending not in endings:
-        raise OptionError.unknown(f"ending of {path}", ending, endings)
+        raise OptionError.unknown("ending", ending, endings, f" of {path}")
     return ending
 
 

@@ -344,6 +344,21 @@ def test_a_stiffness_next_to_none_leaves_the_constant_force(tmp_path, stiffness)
 
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
+@pytest.mark.parametrize("stiffness", [1e-9, 1e-5])
+def test_a_weak_spring_is_written_with_all_its_digits(tmp_path, stiffness):
+    """Its rest is far away; the force of both is what counts."""
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    (tmp_path / "arm.xml").write_text(MODEL.replace("ANGLE", "radian").replace("MORE", ""))
+    mechanism = loopid.load(tmp_path / "arm.xml")
+    terms = JointTerms(("j1",), ("Ks", "Fo"))
+    again, _, said = written(mechanism, terms, np.array([stiffness, 0.04]), tmp_path / "new.xml")
+    values = again.joint_values["j1"]
+    assert values["Ks"] == stiffness
+    assert values["Fo"] == pytest.approx(0.04, rel=1e-12)
+    assert "j1.Ks" not in said[0]
+
+
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
 def test_a_negative_stiffness_is_no_spring_of_a_simulator(tmp_path):
     pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
     (tmp_path / "arm.xml").write_text(MODEL.replace("ANGLE", "radian").replace("MORE", ""))

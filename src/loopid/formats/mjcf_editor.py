@@ -77,9 +77,9 @@ class MjcfEditor:
             if name not in terms or scene.joint_kinds[k] not in ("hinge", "slide"):
                 continue
             own, total = own_terms(scene, k), whole.get(name, {})
-            # Actuators add to what the joint has itself.
+            # Actuators add to what the joint has itself; where they do not, no digit is lost.
             new = {
-                kind: own[kind] + value - total.get(kind, 0.0)
+                kind: value - (total.get(kind, 0.0) - own[kind])
                 for kind, value in {**total, **terms[name]}.items()
                 if kind in own
             }

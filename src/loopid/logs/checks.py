@@ -419,7 +419,7 @@ def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
     """Refuse robots whose configuration does not follow from the motors and these free joints."""
     known = measurable(robot)
     for name in free:
-        OptionError.require(f"free joint of {robot.name}", name, known)
+        OptionError.require("free joint", name, known, f" of {robot.name}")
     determined = robot.coordinates_of(free)
     left = [name for name in robot.free if name not in determined]
     if left:
@@ -455,7 +455,7 @@ def frame_index(robot: Robot, name: str) -> int:
     """Index of a frame in Pinocchio's model; an OptionError for one that is not there, or fixed."""
     model = robot.model
     names = [frame.name for frame in model.frames]
-    OptionError.require(f"frame of {robot.name}", name, [*dict.fromkeys(names)])
+    OptionError.require("frame", name, [*dict.fromkeys(names)], f" of {robot.name}")
     index = link_frames(model).get(name, names.index(name))
     if not robot.supports([index]).any():
         raise OptionError(f"frame {name} of {robot.name} does not move: no wrench moves it")
