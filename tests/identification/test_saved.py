@@ -398,7 +398,7 @@ def test_files_that_are_no_fits_are_refused(tmp_path, name, content):
 def test_other_refusals(model, fits, tmp_path):
     with pytest.raises(FileError, match=r"none\.json"):
         load_fit(tmp_path / "none.json")
-    with pytest.raises(OptionError, match=r"'\.txt': choose among \.yaml, \.yml, \.json"):
+    with pytest.raises(OptionError, match=r"'\.txt' of .*: choose among \.yaml, \.yml, \.json"):
         loopid.Fit.of(model, fits["plain"]).save(tmp_path / "fit.txt")
     (tmp_path / "file").write_text("")
     with pytest.raises(FileError):
