@@ -12,7 +12,6 @@ from ruamel.yaml import YAML
 
 import loopid
 from bank_robots import few_of
-from closure_robots import body
 from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.findings import PAGE
@@ -26,7 +25,17 @@ from loopid.kinematics import measured_coordinates
 from loopid.logs import FilterOptions, Log, LogMapping, Recording
 from loopid.motion import Motion, Noise, Waypoint, joint_motion, point_to_point, scaled_bodies
 from loopid.regressors import force_parts
-from made_runs import ARM, HINGE, friction, quietly, record, simulated, stand, unchecked, wander
+from made_runs import (
+    ARM,
+    THREE_HINGES,
+    friction,
+    quietly,
+    record,
+    simulated,
+    stand,
+    unchecked,
+    wander,
+)
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
 
@@ -541,13 +550,7 @@ def test_most_mistakes_in_a_leg_are_named(runs, spoil, words):
 @pytest.fixture(scope="module")
 def mounted(load_files):
     """An arm whose base stands, hangs, or is on a wall, by gravity in its frame."""
-    parts = [
-        *(body("turret"), body("upper", (0.02, 0.01, 0.2), 3.0), body("lower", mass=2.0)),
-        HINGE.format("pan", "ground", "turret", 0.1, "0 0 1"),
-        HINGE.format("shoulder", "turret", "upper", 0.3, "0 1 0"),
-        HINGE.format("elbow", "upper", "lower", 0.4, "0 1 0"),
-    ]
-    return lambda *gravity: load_files(parts, {"gravity": gravity})
+    return lambda *gravity: load_files(THREE_HINGES, {"gravity": gravity})
 
 
 MOUNTED = [(g, seed) for g in ((0, 0, 9.81), (9.81, 0, 0), (0, -9.81, 0)) for seed in (0, 1)]
