@@ -412,7 +412,7 @@ def test_forces_of_another_source_have_no_size(load_once):
     assert KINDS["gain"].cause(0.0010, 0.0003) == (1e-3, "in kN m")
 
 
-@pytest.mark.parametrize("name", ["five_bar", "3ups_rpu"])
+@pytest.mark.parametrize("name", few_of(["five_bar", "3ups_rpu"], "five_bar"))
 def test_nothing_is_suspected_of_what_is_right(runs, name):
     found = runs(name, 0)
     assert found.mistakes == ()
