@@ -105,7 +105,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
             "uint: ms",
             r"unknown key 'uint' \(did you mean 'unit'\?\): choose among column, unit",
         ),
-        ("column: ticks, ", "", "time: give 'column', or both 'seconds' and 'nanoseconds'"),
+        ("column: ticks, ", "", "time: give either 'column', or both 'seconds' and 'nanoseconds'"),
         ("column: ticks", "column: ticks, seconds: s", "time: give either 'column', or"),
         ("columns: [u1", "colums: [u1", r"force: unknown key 'colums' \(did you mean 'columns'"),
         ("{columns: [u1, u2, u3, u4]}", "{stream: null}", "force: give 'stream', 'columns' or"),
