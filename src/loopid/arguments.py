@@ -278,12 +278,8 @@ def checked(thing: Thing) -> Thing:
     Of a class these are arguments of ``__init__`` and of all public methods. Calls
     from loopid's own code are not checked, but for ``__init__``: what it gives is right. Lists
     become arrays where these are annotated. Arrays or columns of data frames become lists. Shapes
-    of arrays are left to the function, which knows them.
-
-    Raises
-    ------
-    OptionError
-        Naming the argument, what it must be, and what was given.
+    of arrays are left to the function, which knows them. An OptionError names the argument, what it
+    must be, and what was given.
     """
     made: Thing = _with_checks(thing, _checked)
     return made

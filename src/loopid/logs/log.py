@@ -98,8 +98,11 @@ class ExternalWrench:
     about: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        values = samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}")
-        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "values", self.rows())
+
+    def rows(self, count: int | None = None) -> FloatArray:
+        """The values (N, 6), of as many samples as required."""
+        return samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}", count)
 
 
 @record(kw_only=True, checked=True)
@@ -186,7 +189,7 @@ class Log(Tabular):
                 values = samples(getattr(self, name), len(self.joints), name, len(time))
                 object.__setattr__(self, name, values)
         for wrench in self.wrenches:
-            samples(wrench.values, len(COMPONENTS), f"the wrench on {wrench.frame}", len(time))
+            wrench.rows(len(time))
         free = {name: free_values(name, own, len(time)) for name, own in self.free.items()}
         object.__setattr__(self, "free", free)
         if self.saturation is not None:
@@ -280,12 +283,7 @@ class Log(Tabular):
                 for joint, unit in zip(joints, own, strict=True)
                 if unit.straight is not None
             }
-        signals |= {
-            wrench_name(k): samples(
-                one.values, len(COMPONENTS), f"the wrench on {one.frame}", len(at)
-            )
-            for k, one in enumerate(wrenches)
-        }
+        signals |= {wrench_name(k): one.rows(len(at)) for k, one in enumerate(wrenches)}
         signals |= {
             free_name(joint): free_values(joint, own, len(at))
             for joint, own in (free or {}).items()
