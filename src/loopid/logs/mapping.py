@@ -313,10 +313,4 @@ def mapping_of(given: LogMapping | str | Path | None) -> LogMapping:
     """A mapping, that of a file, or one that says nothing."""
     if isinstance(given, LogMapping):
         return given
-    return LogMapping() if given is None else read_mapping(given)
-
-
-@checked
-def read_mapping(path: str | Path) -> LogMapping:
-    """Read and validate a mapping file."""
-    return read_yaml(Path(path), LogMapping, LogError)
+    return LogMapping() if given is None else read_yaml(Path(given), LogMapping, LogError)
