@@ -17,7 +17,7 @@ from loopid.identification.friction_curves import (
     frictional_joints,
 )
 from loopid.identification.leaving_out import single_moves, whole_logs
-from loopid.identification.missing import WAVES, missing_findings
+from loopid.identification.missing import MEND_WAVES, missing_findings
 from loopid.identification.outcome import ALL, ROUGH, Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS, WHOLE_FORCE
 from loopid.identification.quality import Ripples
@@ -399,7 +399,7 @@ def _of_ripples(found: Outcome, ripples: Ripples) -> Finding:
         "note",
         f"force of {motors} ripples over position",
         f"root mean squares: {'; '.join(said)}; values are fitted beside it",
-        WAVES.do,
+        MEND_WAVES,
     )
 
 
