@@ -193,16 +193,19 @@ def turning_friction(fit: Estimates) -> tuple[str, ...]:
 
 
 def friction_at_ends(fit: Estimates, joint: str) -> tuple[FloatArray, FloatArray]:
-    """Friction of a motor both ways (2,), slow and fast, and half of its 95 % intervals.
+    """Friction of a motor both ways (2,), slow and fast, and twice its standard errors.
 
-    In parts of its largest force, at the ends of the rates that it was fitted at.
+    In parts of its largest force, at the ends of the rates that it was fitted at. Errors of assumed
+    terms are infinite.
     """
     assert fit.use is not None
     rates, largest = np.array(fit.use.of(joint)), fit.use.largest[fit.use.joints.index(joint)]
     columns = friction_columns(fit, joint)
     laws = (_laws(fit, joint, rates) - _laws(fit, joint, -rates)) / 2
-    friction, reach = with_reach(fit, columns, laws)
-    return friction / largest, reach / largest
+    variance = np.sum(laws @ fit.covariance[np.ix_(columns, columns)] * laws, axis=1)
+    if {*fit.parameters.select(columns).names} & {*fit.assumed}:
+        variance = np.full(len(laws), np.inf)
+    return laws @ fit.values[columns] / largest, 2 * np.sqrt(variance) / largest
 
 
 def _laws(fit: Estimates, joint: str, rates: FloatArray) -> FloatArray:
