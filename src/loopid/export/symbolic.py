@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
-from loopid.export.elimination import eliminate, solve
+from loopid.export.elimination import Elimination
 from loopid.identification.force_models import ForceModel
 from loopid.kinematics.projection import partition
 from loopid.numbers import ROUND_OFF
@@ -59,8 +59,8 @@ class SymbolicRobot:
         # What carries both frames of a closure does not open it.
         units = self.robot.moving * self.robot.coordinate_scales
         self.jacobian = ca.sparsify(ca.jacobian(self.residual, self.q) @ self.rates * units)
-        self.reflections = eliminate(self.jacobian[:, self.dependent])
-        self.factors = ca.SX.sym("factors", sum(len(each.factors) for each in self.reflections))
+        self.elimination = Elimination.of(self.jacobian[:, self.dependent])
+        self.factors = ca.SX.sym("factors", self.elimination.factors.shape[0])
 
     def functions(self, prefix: str) -> dict[str, ca.Function]:
         """All that C calls, named ``<prefix>_...`` there."""
@@ -130,14 +130,12 @@ class SymbolicRobot:
         lengths. The last is the least pivot over the largest. It is small where the motors lose
         control of the motion.
         """
-        X = solve(self.reflections, ca.horzcat(self.jacobian[:, self.chosen], self.residual))
+        X = self.elimination.solve(ca.horzcat(self.jacobian[:, self.chosen], self.residual))
         units, step = self.scales[self.dependent, 0], X[:, -1]
-        G = -ca.diag(units) @ X[:, :-1] @ ca.diag(1 / self.scales[self.chosen, 0])
-        factors = [number for each in self.reflections for number in each.factors]
-        pivots = [ca.fabs(each.pivot[0]) for each in self.reflections] or [ca.SX(1)]
-        ratio = ca.mmin(ca.vertcat(*pivots)) / ca.mmax(ca.vertcat(*pivots))
-        measures = ca.vertcat(_norm(self.residual), _norm(step), ratio)
-        return [G, ca.vertcat(*factors), self._moved(-units * step), measures]
+        G = ca.densify(-ca.diag(units) @ X[:, :-1] @ ca.diag(1 / self.scales[self.chosen, 0]))
+        pivots = ca.fabs(ca.vertcat(*self.elimination.pivots or [ca.SX(1)]))
+        measures = ca.vertcat(_norm(self.residual), _norm(step), ca.mmin(pivots) / ca.mmax(pivots))
+        return [G, self.elimination.factors, self._moved(-units * step), measures]
 
     def _moved(self, step: Any) -> Any:
         """Positions (nq,) after a small step (dependent,), with unit vectors as long as that."""
@@ -219,10 +217,9 @@ class SymbolicRobot:
 
     def _drift_acceleration(self, v: Any) -> Any:
         """γ (dependent,) at velocities (nv,): A γ = -Ȧ v."""
-        rate, numbers = self.rates @ v, iter(ca.vertsplit(self.factors))
+        rate, known = self.rates @ v, self.elimination.with_factors(self.factors)
         drift = ca.jtimes(ca.jtimes(self.residual, self.q, rate), self.q, rate)
-        known = [each.with_factors(numbers) for each in self.reflections]
-        return -self.scales[self.dependent, 0] * solve(known, drift)
+        return -self.scales[self.dependent, 0] * known.solve(drift)
 
     def _tree_force(self, chain: Sequence[Link]) -> Any:
         """Forces (nv,) that move the bodies of the tree."""
