@@ -44,7 +44,7 @@ from loopid.workers import one_blas_thread
 ONE_OF_ALL = 0.05  # chance of a motor's own force, from which on what is clear of all is its, too
 HIDDEN = 2.0  # standard errors of a spring's stiffness within which it does not show
 HIDES = 10.0  # standard errors of an estimate that such a one moves it by at least to be named
-HELPS = 0.9  # of squared errors on segments left out that may be left with a force that helps
+HELPS = 0.9  # of squared errors on data left out that may be left with a force that helps
 MOVES = 2.0  # standard errors of an estimate that a force moves it by at least to be named
 LIKELY = 0.05  # chance of springs of all motors, from which on intervals allow for them
 ROWS = 20  # samples of a motor for each column, at least
@@ -83,7 +83,8 @@ class MissingForce:
         ``"clear"`` or ``"likely"``, which both widen intervals; ``"hidden"``: this much of it
         would not show.
     left : float
-        Of the motor's squared error on segments left out, the part that is left with it.
+        Of the motor's squared error on segments and on states left out, the part that is left with
+        it: the larger of both. Segments of a motion that repeats itself are alike.
     bias : FloatArray
         (n,), what it does to the estimates.
     moved : float
@@ -126,7 +127,7 @@ class MissingForce:
 
     @property
     def effect(self) -> str:
-        """What it does, in words: to errors on segments left out, or to estimates."""
+        """What it does, in words: to errors on data left out, or to estimates."""
         if self.left < HELPS:
             return f"errors left out would be {100 * (1 - np.sqrt(self.left)):.0f} % smaller"
         return f"moves estimates by up to {self.moved:.2g} of their standard errors"
@@ -429,7 +430,8 @@ class _Test:
         samples, result, n = fit.samples, fit.result, len(fit.result.parameters)
         noise = result.require_noise()
         self.fit, self.used, self.estimates = fit, samples.used, estimates
-        self.segments = segments_of(samples)
+        groups = segments_of(samples), samples.regions
+        self.left_out = [each for each in groups if each.any()]
         self.inverse = np.linalg.inv(fit.factor[:n, :n])
         self.scale = result.weights * samples.used
         self.columns = (samples.regressor @ self.inverse) * self.scale[:, :, None]
@@ -493,19 +495,21 @@ class _Test:
         return float(fdtrc(k, max(float(result.degrees_of_freedom.min()), 1.0), F))
 
     @cached_property
-    def errors_left_out(self) -> FloatArray:
-        """Sums of squared errors (dof,) of the fit on segments that are left out of it."""
-        return _squares(self.fit, self.segments)
+    def errors_left_out(self) -> list[FloatArray]:
+        """Sums of squared errors (dof,) of the fit on segments, and states, left out of it."""
+        return [_squares(self.fit, groups) for groups in self.left_out]
 
     def left(self, columns: FloatArray) -> float:
         """Squared errors there of the motors of columns (N, dof, k) with these, over those without.
 
-        It takes as long as a fit.
+        The larger of both. It takes as long as a fit.
         """
         own = np.where(columns.any(axis=(0, 2)), self.fit.result.weights, 0.0) ** 2
-        before = float(own @ self.errors_left_out)
-        after = float(own @ _squares(_beside(self.fit, columns), self.segments))
-        return after / before if before > 0 else 1.0
+        beside, shares = _beside(self.fit, columns), list[float]()
+        for groups, errors in zip(self.left_out, self.errors_left_out, strict=True):
+            before, after = own @ errors, own @ _squares(beside, groups)
+            shares.append(float(after / before) if before > 0 else 1.0)
+        return max(shares, default=1.0)
 
     def missing(
         self, columns: FloatArray, found: _Tested, certainty: str, **known: Any
