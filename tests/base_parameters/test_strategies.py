@@ -39,7 +39,7 @@ def test_every_search_has_a_name_and_goes_by_it(observation):
 
 
 def test_a_search_with_options_is_used_as_it_is(observation):
-    assert find_base(observation, ExactSearch(proof=True)).search.proof
+    assert find_base(observation, SubgroupSearch(alpha=0.5)).search.subgroups.alpha == 0.5
     with pytest.raises(OptionError):  # of these choices none is valid
         find_base(observation, SubgroupSearch(condition_limit=1.0001))
 
@@ -92,7 +92,7 @@ def test_an_effort_is_of_positive_numbers(field, wrong):
 
 
 def test_searches_and_results_are_records(observation):
-    for search in (ExactSearch(proof=True), SubgroupSearch(alpha=0.5), PivotedQR()):
+    for search in (ExactSearch(), SubgroupSearch(alpha=0.5), PivotedQR()):
         problem = ChoiceProblem(random_structure(8, 3))
         found, again = search.search(problem), search.search(problem)
         for one, other in ((search, replace(search)), (problem, replace(problem)), (found, again)):
