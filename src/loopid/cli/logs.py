@@ -223,12 +223,7 @@ def payload(
 
     inputs = [*filter(None, (robot.path, *(mapping or ()), *unloaded, *loaded_log))]
     of_unloaded, of_loaded = mapping_of_each(mapping, unloaded=unloaded, loaded=loaded_log)
-    answer.require(*inputs)
-    if known_mass is None and (centre or write_mapping):
-        given = "--centre" if centre else "--write-mapping"
-        raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")
-    if write_mapping is not None:
-        require_other_file(write_mapping, *inputs)
+    _require_gains(answer, inputs, known_mass, centre, write_mapping)
     robot = locked_as_logged(robot, unloaded[0], mapping=of_unloaded[0])
     runs: dict[str, Sequence[Recording]] = {
         "unloaded": recordings(robot, unloaded, of_unloaded, cutoff, rows),
@@ -248,6 +243,22 @@ def payload(
             write_file(write_mapping, gains.mapping(of_unloaded[0]).content)
         report = gains_report(robot, gains)
     answer.show(_vetoed(report, log_faults_by_log(robot, runs["unloaded"], fitted.joint_terms)))
+
+
+def _require_gains(
+    answer: Answer,
+    inputs: Sequence[Path | str],
+    known_mass: float | None,
+    centre: str | None,
+    mapping: str | None,
+) -> None:
+    """Refuse options of gains without a mass, and results in the place of an input."""
+    answer.require(*inputs)
+    if known_mass is None and (centre or mapping):
+        given = "--centre" if centre else "--write-mapping"
+        raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")
+    if mapping is not None:
+        require_other_file(mapping, *inputs)
 
 
 def _vetoed(report: Report, suspected: Sequence[LogFaults]) -> Report:

@@ -22,6 +22,7 @@ from loopid.progress import progress_bar
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
     from loopid.logs.recording import Recording
+    from loopid.motion.files import MotionProgram
     from loopid.robot.robot import Robot
 
 FILE = Argument(
@@ -177,18 +178,25 @@ def motions(
 ) -> None:
     """Check motions against limits and singularities."""
     from loopid.motion.files import read_motion_program
-    from loopid.motion.joints import joint_motion, review_motion
     from loopid.report.structure import motions_report
 
     answer.require(robot.path, program)
     planned = read_motion_program(program or _bundled_motions(robot))
+    reviews = _reviews(robot, planned, rate, singularity_threshold)
+    answer.show(motions_report(robot.name, reviews, planned.seconds))
+
+
+def _reviews(robot: Robot, program: MotionProgram, rate: float, threshold: float) -> dict[str, Any]:
+    """Reviews of all motions of a file by name."""
+    from loopid.motion.joints import joint_motion, review_motion
+
     reviews = {}
     with progress_bar("motions") as report:
-        for done, name in enumerate(planned.motions, start=1):
-            motion = joint_motion(robot, planned.motion(name, rate))
-            reviews[name] = review_motion(robot, motion, singularity_threshold)
-            report(done, len(planned.motions))
-    answer.show(motions_report(robot.name, reviews, planned.seconds))
+        for done, name in enumerate(program.motions, start=1):
+            motion = joint_motion(robot, program.motion(name, rate))
+            reviews[name] = review_motion(robot, motion, threshold)
+            report(done, len(program.motions))
+    return reviews
 
 
 def _bundled_motions(robot: Robot) -> str:
