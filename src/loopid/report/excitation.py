@@ -14,7 +14,6 @@ from loopid.motion.files import motion_text
 from loopid.numbers import number
 from loopid.plots.excitation import errors_chart, motion_chart
 from loopid.plots.structure import robot_chart
-from loopid.records import json_value
 from loopid.report.look import json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, panel_table
 
@@ -119,10 +118,9 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
         **json_fields(found, *FOUND),
         "duration": found.motion.duration,
         "coordinates": list(found.motion.names),
-        "noise": dict(zip(robot.actuated, json_value(found.noise), strict=True)),
+        "noise": dict(zip(robot.actuated, found.noise.tolist(), strict=True)),
         "parameters": list(found.parameters.names),
-        "errors_before": json_value(found.errors_before),
-        "checks": json_value(found.checks),
+        **json_fields(found, "errors_before", "checks"),
     }
 
 
