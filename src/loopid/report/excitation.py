@@ -100,10 +100,9 @@ def excitation_report(found: ExcitationDesign) -> Report:
 
 def _motion_files(found: ExcitationDesign) -> dict[str, bytes | str]:
     """Position, velocity and acceleration of every motor over time, and the steps."""
-    table, motion = found.motors._table(), found.motion
+    table = found.motors._table()
     said = f"excites the {found.force_model.model} model, {found.options.criterion}"
-    rate = float((len(motion) - 1) / motion.duration)
-    steps = motion_text(NAME, said, motion.names, rate, found.start, found.waypoints)
+    steps = motion_text(NAME, said, found.motion, found.start, found.waypoints)
     return {"motion.csv": csv_text([*table], *table.values(), digits=12), "motion.yaml": steps}
 
 
