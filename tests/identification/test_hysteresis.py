@@ -15,8 +15,8 @@ from loopid.export import c_source
 from loopid.export.robot_file import updated_robot_file
 from loopid.identification.consistent import error_weights
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.friction import motor_use
-from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints, possible_hysteresis
+from loopid.identification.friction import motor_use, possible_hysteresis
+from loopid.identification.friction_curves import hysteresis_loop, hysteretic_joints
 from loopid.kinematics import measured_coordinates
 from loopid.motion import scaled_bodies
 from loopid.regressors.joint_laws import joint_term

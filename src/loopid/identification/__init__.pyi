@@ -21,9 +21,9 @@ from .friction import with_friction as with_friction
 from .friction_curves import (
     friction_curve as friction_curve,
     friction_summary as friction_summary,
+    hysteresis_loop as hysteresis_loop,
     nearest_line as nearest_line,
 )
-from .hysteresis import hysteresis_loop as hysteresis_loop
 from .identification import Identification as Identification, split_recordings as split_recordings
 from .information import Excitation as Excitation, identifiability as identifiability
 from .instrumental import InstrumentalVariables as InstrumentalVariables

@@ -12,7 +12,7 @@ from loopid.findings import Finding, most_important_first
 from loopid.identification.candidate import Candidate
 from loopid.identification.force_models import parted
 from loopid.identification.friction import friction_findings
-from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
+from loopid.identification.friction_curves import hysteresis_loop, hysteretic_joints
 from loopid.identification.outcome import ALL, FRACTION, Outcome
 from loopid.identification.selection import Reduction, eliminate, judge_essential
 from loopid.identification.terms import without_offset

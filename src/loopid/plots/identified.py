@@ -16,8 +16,9 @@ from loopid.identification.friction_curves import (
     friction_curve,
     friction_summary,
     frictional_joints,
+    hysteresis_loop,
+    hysteretic_joints,
 )
-from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.identification import Identification
 from loopid.identification.information import body_sizes
 from loopid.identification.log_mistakes import LogFaults
