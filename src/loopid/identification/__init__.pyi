@@ -21,7 +21,6 @@ from .friction import with_friction as with_friction
 from .friction_curves import (
     friction_curve as friction_curve,
     friction_summary as friction_summary,
-    hysteresis_loop as hysteresis_loop,
     nearest_line as nearest_line,
 )
 from .identification import Identification as Identification, split_recordings as split_recordings

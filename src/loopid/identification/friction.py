@@ -31,7 +31,12 @@ from loopid.identification.consistent import (
 from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
-from loopid.identification.friction_curves import friction_summary, of_friction, turning_friction
+from loopid.identification.friction_curves import (
+    friction_summary,
+    hysteresis_ways,
+    of_friction,
+    turning_friction,
+)
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import MotorUse, NoiseModel, TermDeviations, fit_quality
 from loopid.identification.result import Fit
@@ -356,4 +361,8 @@ def friction_findings(fit: Fit) -> list[tuple[str, str]]:
         if texts:
             whose = joints[0] if len(joints) == 1 else f"{len(joints)} joints"
             found.append((f"friction of {whose} {sentence}", ", ".join(texts)))
+    for joint, way in hysteresis_ways(fit).items():
+        turns = any(one.unit.startswith("N m") for one in fit.parameters if one.link == joint)
+        size = f"over {1e3 * way:.2g} {'mrad' if turns else 'mm'}"
+        found.append((f"friction of {joint} builds up after reversals", size))
     return found

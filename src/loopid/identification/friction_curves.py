@@ -1,11 +1,7 @@
-"""Friction of a fit: curves over the rate, the line nearest to each, and loops after reversals.
+"""Friction of a fit: curves over the rate, and the line that is nearest to each.
 
-A curve is identified between the slowest and the fastest rate of the fitted samples. Below, it
+The curve is identified between the slowest and the fastest rate of the fitted samples. Below, it
 stays as it is there. Above, it goes on as the line. In both its band widens.
-
-In steady motion hysteresis adds nothing to the friction of a joint. After a reversal the elements
-of Maxwell slip (``maxwell_slip.py``) turn back one by one. The force goes from friction one way to
-friction the other way, as each element k does over 2 x_k.
 """
 
 from __future__ import annotations
@@ -33,7 +29,6 @@ from loopid.regressors.joint_laws import (
     joint_term,
     signals,
 )
-from loopid.regressors.maxwell_slip import slip_states
 
 # Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: Stribeck
 # friction of half as much more, two deviations, is not unusual.
@@ -43,10 +38,8 @@ LINE_POINTS = 200  # rates that a line is fitted at
 # another.
 TURNS = 0.1
 # Part of the force that has changed sides over the identified way: of a law that falls off
-# exponentially, as Dahl's, its constant. Part of it that has within a loop.
-TOLD, WHOLE = 1 - np.exp(-1), 0.98
-POINTS = 400  # of a loop, each way
-SLOW = 0.01  # of the slowest rate of the samples: a loop is gone through next to standstill
+# exponentially, as Dahl's, its constant.
+TOLD = 1 - np.exp(-1)
 
 
 @record
@@ -387,109 +380,19 @@ def nearest_line(
     return FrictionLine(joint, float(line[0]), float(line[1]), off, (least, most))
 
 
-@record
-class HysteresisLoop(Tabular):
-    """Friction of a joint over a slow way to and fro, with a 95 % band.
+def hysteresis_ways(fit: Estimates) -> dict[str, float]:
+    """Displacements in m or rad over which friction builds up, of each joint whose friction does.
 
-    Attributes
-    ----------
-    joint : str
-    unit : str
-        ``"m"`` or ``"rad"``, of displacements.
-    way : float
-        Displacement after a reversal at which 63 % of the force that builds up have changed sides.
-    displacement : FloatArray
-        (k,), along a closed loop.
-    force : FloatArray
-        (k,), in N or N m.
-    band : FloatArray
-        (k, 2), ends of the 95 % intervals.
+    Those after a reversal at which 63 % of it have changed sides. Each element of Maxwell slip
+    (``maxwell_slip.py``) goes from one side to the other over twice its own.
     """
-
-    joint: str
-    unit: str
-    way: float
-    displacement: FloatArray
-    force: FloatArray
-    band: FloatArray
-
-    @property
-    def finding(self) -> tuple[str, str]:
-        """Title and size, as in "friction of elbow builds up after reversals", "over 1.4 mrad"."""
-        way = f"over {1e3 * self.way:.2g} m{self.unit}"
-        return f"friction of {self.joint} builds up after reversals", way
-
-    def _table(self) -> dict[str, FloatArray]:
-        low, high = self.band.T
-        return {"displacement": self.displacement, "friction": self.force, "low": low, "high": high}
-
-
-@checked
-def hysteresis_loop(fit: Estimates, joint: str) -> HysteresisLoop:
-    """Friction of a joint that builds up after a reversal, as far as a fit has it.
-
-    Parameters
-    ----------
-    fit : Fit
-    joint : str
-
-    Returns
-    -------
-    HysteresisLoop
-        Force in N or N m over displacement in m or rad.
-
-    Raises
-    ------
-    OptionError
-        When friction of the joint does not build up.
-
-    Examples
-    --------
-    >>> import loopid, numpy as np
-    >>> names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc", "elbow.Fh@0.002"])
-    >>> rng = np.random.default_rng(0)
-    >>> W = rng.normal(size=(500, 1, 2))
-    >>> force = W @ [2.0, 1.0] + 0.1 * rng.normal(size=(500, 1))
-    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, force)
-    >>> fit = loopid.identification.fit(samples)
-    >>> loopid.identification.hysteresis_loop(fit, "elbow").finding
-    ('friction of elbow builds up after reversals', 'over 2.5 mrad')
-    """
-    own = _slip_columns(fit, joint)
-    if not own:
-        raise OptionError.unknown("joint with hysteresis", joint, hysteretic_joints(fit))
-    slips = np.array([joint_term(fit.parameters[j].kind).at for j in own])
-    part = np.maximum(fit.values[own], 0.0)
-    ends = np.sort(2 * slips)
-    done = np.minimum(ends[:, None] / (2 * slips), 1.0) @ part / (part.sum() or 1.0)
-    reach = float(np.interp(WHOLE, done, ends)) / 2
-    half = np.linspace(reach, -reach, POINTS)
-    way = np.concatenate([half, half[::-1][1:]])
-    states = slip_states(way, slips, np.ones(len(slips)))  # from steady motion forwards, back to it
-    known = fit.rates_of(joint)
-    slow = SLOW * known[0] if known is not None else np.finfo(float).tiny
-    rate = np.concatenate([-np.ones(POINTS), np.ones(POINTS - 1)]) * slow
-    state = fit.joint_terms.state(JointState(None, rate, None))
-    state = state._replace(slips=dict(zip(slips.tolist(), states.T, strict=True)))
-    columns = sorted([*friction_columns(fit, joint), *own])
-    laws = signals([fit.parameters[j].kind for j in columns], state, len(rate))
-    force, wide = with_reach(fit, columns, laws)
-    return HysteresisLoop(
-        joint,
-        "m" if fit.parameters[own[0]].unit == "N" else "rad",
-        float(np.interp(TOLD, np.append(0.0, done), np.append(0.0, ends))),
-        way,
-        force,
-        np.stack([force - wide, force + wide], axis=1),
-    )
-
-
-def hysteretic_joints(fit: Estimates) -> tuple[str, ...]:
-    """Joints whose friction builds up after a reversal."""
-    joints = dict.fromkeys(each.link for each in fit.parameters)
-    return tuple(one for one in joints if (fit.values[_slip_columns(fit, one)] > 0).any())
-
-
-def _slip_columns(fit: Estimates, joint: str) -> list[int]:
-    """Columns of a joint's elements of Maxwell slip."""
-    return _columns(fit, joint, lambda k: k not in KINDS and joint_term(k).prior == HYSTERESIS)
+    found = dict[str, float]()
+    for joint in dict.fromkeys(each.link for each in fit.parameters):
+        own = _columns(fit, joint, lambda k: k not in KINDS and joint_term(k).prior == HYSTERESIS)
+        part = np.maximum(fit.values[own], 0.0)
+        if part.any():
+            slips = np.array([joint_term(fit.parameters[j].kind).at for j in own])
+            ends = np.sort(2 * slips)
+            done = np.minimum(ends[:, None] / (2 * slips), 1.0) @ part / part.sum()
+            found[joint] = float(np.interp(TOLD, np.append(0.0, done), np.append(0.0, ends)))
+    return found
