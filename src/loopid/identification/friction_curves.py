@@ -37,6 +37,9 @@ LINE_POINTS = 200  # rates that a line is fitted at
 # Part of a motor's largest force that friction must drive with at one speed, and brake with at
 # another.
 TURNS = 0.1
+# Part of the force that has changed sides over the identified way: of a law that falls off
+# exponentially, as Dahl's, its constant.
+TOLD = 1 - np.exp(-1)
 
 
 @record
@@ -135,12 +138,9 @@ class FrictionSummary(Tabular):
     standstill: tuple[Estimate | None, ...]
     load: tuple[Estimate | None, ...]
 
-    def _table(self) -> list[dict[str, Any]]:
-        return [
-            {"joint": joint}
-            | {name: getattr(own[k], "value", None) for name, own in self.parts.items()}
-            for k, joint in enumerate(self.joints)
-        ]
+    def _table(self) -> dict[str, Any]:
+        values = ([each and each.value for each in own] for own in self.parts.values())
+        return {"joint": self.joints, **dict(zip(self.parts, values, strict=True))}
 
     @property
     def parts(self) -> dict[str, tuple[Estimate | None, ...]]:
@@ -204,8 +204,7 @@ def friction_at_ends(fit: Estimates, joint: str) -> tuple[FloatArray, FloatArray
     assert fit.use is not None
     rates, largest = np.array(fit.use.of(joint)), fit.use.largest[fit.use.joints.index(joint)]
     columns = friction_columns(fit, joint)
-    both = [_laws(fit, joint, way * rates) for way in (1.0, -1.0)]
-    laws = (both[0] - both[1]) / 2
+    laws = (_laws(fit, joint, rates) - _laws(fit, joint, -rates)) / 2
     variance = np.sum(laws @ fit.covariance[np.ix_(columns, columns)] * laws, axis=1)
     if {*fit.parameters.select(columns).names} & {*fit.assumed}:
         variance = np.full(len(laws), np.inf)
@@ -294,11 +293,6 @@ def load_columns(fit: Estimates, joint: str) -> list[int]:
     return _columns(fit, joint, lambda kind: kind == "Ft")
 
 
-def hysteresis_columns(fit: Estimates, joint: str) -> list[int]:
-    """Columns of a joint's elements of Maxwell slip, by which its friction builds up."""
-    return _columns(fit, joint, lambda k: k not in KINDS and joint_term(k).prior == HYSTERESIS)
-
-
 def _columns(fit: Estimates, joint: str, chosen: Callable[[str], bool]) -> list[int]:
     """Columns of a joint of the kinds that are chosen."""
     names = enumerate(fit.parameters)
@@ -384,3 +378,21 @@ def nearest_line(
     line, _ = nnls(np.column_stack([np.ones(LINE_POINTS), rates]), both.mean(axis=0))
     off = float(np.abs(both - line[0] - line[1] * rates).max())
     return FrictionLine(joint, float(line[0]), float(line[1]), off, (least, most))
+
+
+def hysteresis_ways(fit: Estimates) -> dict[str, float]:
+    """Displacements in m or rad over which friction builds up, of each joint whose friction does.
+
+    Those after a reversal at which 63 % of it have changed sides. Each element of Maxwell slip
+    (``maxwell_slip.py``) goes from one side to the other over twice its own.
+    """
+    found = dict[str, float]()
+    for joint in dict.fromkeys(each.link for each in fit.parameters):
+        own = _columns(fit, joint, lambda k: k not in KINDS and joint_term(k).prior == HYSTERESIS)
+        part = np.maximum(fit.values[own], 0.0)
+        if part.any():
+            slips = np.array([joint_term(fit.parameters[j].kind).at for j in own])
+            ends = np.sort(2 * slips)
+            done = np.minimum(ends[:, None] / (2 * slips), 1.0) @ part / part.sum()
+            found[joint] = float(np.interp(TOLD, np.append(0.0, done), np.append(0.0, ends)))
+    return found
