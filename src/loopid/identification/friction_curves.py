@@ -90,16 +90,11 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc", "elbow.Fv"])
-    >>> rng = np.random.default_rng(0)
-    >>> rate = rng.normal(size=(500, 1))
-    >>> W = np.stack([np.sign(rate), rate], axis=2)
-    >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
-    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, force)
-    >>> fit = loopid.identification.fit(samples)
-    >>> curve = loopid.identification.friction_curve(fit, "elbow", np.array([-1.0, 1.0]))
+    >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
+    >>> joint, rates = "left_crank_joint", np.array([-1.0, 1.0])
+    >>> curve = loopid.identification.friction_curve(found.fit, joint, rates)
     >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
-    (array([-2.5,  2.5]), True)
+    (array([-0.1,  0.1]), True)
     """
     columns = friction_columns(fit, joint)
     if not columns:
