@@ -9,7 +9,6 @@ factorisation of blocks. Columns of zeros cost nothing.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -112,38 +111,9 @@ class Observation:
         length: float = 1.0,
         natural_size: float = 0.0,
     ) -> Observation:
-        """Factor an observation matrix.
-
-        Parameters
-        ----------
-        matrix : FloatArray
-            (rows, n), or (N, dof, n) to be stacked.
-        parameters : ParameterSet
-        length : float
-            See the attribute.
-        natural_size : float
-            See the attribute.
-        """
-        return cls.from_parts([matrix], parameters, length=length, natural_size=natural_size)
-
-    @classmethod
-    def from_parts(
-        cls,
-        parts: Iterable[FloatArray],
-        parameters: ParameterSet,
-        *,
-        length: float = 1.0,
-        natural_size: float = 0.0,
-        driven: int | None = None,
-    ) -> Observation:
-        """Factor an observation matrix that comes in parts, with one in memory at a time.
-
-        As ``from_matrix``, for an iterable of matrices. The first ``driven`` rows of each sample
-        are those of motors.
-        """
-        rows = StackedRows(parameters, driven)
-        for part in parts:
-            rows.add(part)
+        """Factor an observation matrix (rows, n), or (N, dof, n) to be stacked."""
+        rows = StackedRows(parameters)
+        rows.add(matrix)
         return rows.observation(length=length, natural_size=natural_size)
 
 

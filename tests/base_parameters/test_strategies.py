@@ -21,7 +21,7 @@ from loopid.base_parameters import (
 from loopid.base_parameters.base import find_base_and_motors_alone
 from loopid.base_parameters.choice import CRITERIA
 from loopid.errors import LoopidError, OptionError
-from loopid.observation import Observation
+from loopid.observation import Observation, StackedRows
 
 
 @pytest.fixture(scope="module")
@@ -131,10 +131,16 @@ def test_pivoted_qr_leaves_the_last_pivots_dependent():
     assert PivotedQR().search(problem).dependent == tuple(sorted(order[5:].tolist()))
 
 
+def observed(W, driven):
+    rows = StackedRows(parameters(W.shape[-1]), driven)
+    rows.add(W)
+    return rows.observation()
+
+
 def test_what_the_motors_alone_feel_is_found_in_the_time_that_is_left():
     rng = np.random.default_rng(0)
     W = rng.normal(size=(40, 3, 5)) @ rng.normal(size=(5, 9))
-    observation = Observation.from_parts([W], parameters(9), driven=2)
+    observation = observed(W, driven=2)
     options = SearchOptions(time_limit=50.0)
     base, felt = find_base_and_motors_alone(observation, options=options)
     assert base == find_base(observation, options=options)
@@ -143,6 +149,6 @@ def test_what_the_motors_alone_feel_is_found_in_the_time_that_is_left():
     left = 50.0 - base.search.seconds
     assert felt.search.options.time_limit == pytest.approx(left)
     W[:, :2] = 0.0  # only rows of free coordinates have an effect
-    free = Observation.from_parts([W], parameters(9), driven=2)
+    free = observed(W, driven=2)
     assert find_base_and_motors_alone(free)[1] is None
     assert find_base_and_motors_alone(Observation.from_matrix(W, parameters(9)))[1] is None

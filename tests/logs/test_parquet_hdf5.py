@@ -10,7 +10,7 @@ from recorded_logs import columns_of, write_hdf5, write_parquet
 from simulated_logs import EPOCH
 
 from loopid.errors import DataWarning, LogError
-from loopid.formats.hdf5 import Hdf5Format
+from loopid.formats.arrays import Hdf5Format
 from loopid.logs import LogMapping, read_log
 from loopid.logs.reading import read_streams
 

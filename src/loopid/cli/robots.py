@@ -524,17 +524,19 @@ def recordings(
     *,
     forces: bool = True,
 ) -> list[Recording]:
-    """Logs of an option, each with its mapping, read and made ready; see ``read_recording``."""
-    from loopid.logs.reading import read_recording
+    """Logs of an option, each with its mapping, read and made ready."""
+    from loopid.logs.preparing import prepare
+    from loopid.logs.reading import read_log
     from loopid.logs.recording import FilterOptions
 
     lowpass = FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)
-    given: dict[str, Any] = {"rows": row_range(rows), "filter": lowpass, "forces": forces}
+    found: list[Recording] = []
+    chosen = row_range(rows)
     with progress_bar("assembling") as report:
-        return [
-            read_recording(path, robot, mapping, **given, progress=report)
-            for path, mapping in zip(paths or (), mappings, strict=True)
-        ]
+        for path, mapping in zip(paths or (), mappings, strict=True):
+            log = read_log(path, robot, mapping=mapping, rows=chosen, forces=forces)
+            found.append(prepare(robot, log, filter=lowpass, progress=report))
+    return found
 
 
 def mapping_of_each(

@@ -229,21 +229,14 @@ def known_before(
             size = found.deviation[k] * np.sqrt(each * spacing * rate)
             if name in deviations and size > 0:
                 deviations[name] = float(size)
-    deviations = _given(noise, deviations)
+    given = noise if isinstance(noise, Mapping) else {} if noise is None else {"all": noise}
+    for name in given:
+        if name not in deviations and name != "all":
+            raise OptionError.unknown("motor", name, deviations)
+    deviations = {n: given.get(n, given.get("all", own)) for n, own in deviations.items()}
     information = np.zeros((basis.shape[1], basis.shape[1]))
     if known is not None:
         for k, name in enumerate(robot.independent):
             rows = known.problem.factors[k, :, :-1] @ basis / deviations[name]
             information += rate * spacing * rows.T @ rows
     return np.array([deviations[name] for name in robot.actuated]), information
-
-
-def _given(
-    noise: float | Mapping[str, float] | None, deviations: Mapping[str, float]
-) -> dict[str, float]:
-    """Deviations by motor, those that are given in the place of others."""
-    given = noise if isinstance(noise, Mapping) else {} if noise is None else {"all": noise}
-    for name in given:
-        if name not in deviations and name != "all":
-            raise OptionError.unknown("motor", name, deviations)
-    return {name: given.get(name, given.get("all", own)) for name, own in deviations.items()}

@@ -609,7 +609,11 @@ class _Forces:
         drives = [own.beside("drive", drive_columns(one)) for own, one in pairs]
         samples = replace(FitSamples.combined(drives), used=np.all(used, axis=0))
         require_rows(samples.problem)
-        combined = excited_combinations(_beside_others(force_model, samples, recordings), UNKNOWN)
+        beside = _beside_others(force_model, samples, recordings)
+        # Of one coordinate, bodies may carry anything over position: no other tells the load.
+        loaded = any(each.link == "load" for each in beside.parameters)
+        self.any_load = loaded and beside.force.shape[1] == 1
+        combined = excited_combinations(beside, UNKNOWN)
         numbers = np.arange(len(combined)) * BLOCKS // len(combined)
         self.samples = replace(combined, runs=numbers)
         self.slips = _of_slip(self.samples, recordings)
@@ -802,6 +806,8 @@ class _Search:
         """The delay of all motors, and of each."""
         count, joints = self.forces.count, self.forces.joints
         shift, settled, each, alone = self.delays
+        if self.forces.any_load and shift[0] < 0:  # so friction that grows with it looks
+            settled, alone = False, np.zeros_like(alone)
         errors, error = self.errors(each)
         errors[~alone] = np.inf
         # Motors that disagree by more than their errors: what no model has looks like a delay.

@@ -135,12 +135,9 @@ class FrictionSummary(Tabular):
     standstill: tuple[Estimate | None, ...]
     load: tuple[Estimate | None, ...]
 
-    def _table(self) -> list[dict[str, Any]]:
-        return [
-            {"joint": joint}
-            | {name: getattr(own[k], "value", None) for name, own in self.parts.items()}
-            for k, joint in enumerate(self.joints)
-        ]
+    def _table(self) -> dict[str, Any]:
+        values = ([each and each.value for each in own] for own in self.parts.values())
+        return {"joint": self.joints, **dict(zip(self.parts, values, strict=True))}
 
     @property
     def parts(self) -> dict[str, tuple[Estimate | None, ...]]:
@@ -204,8 +201,7 @@ def friction_at_ends(fit: Estimates, joint: str) -> tuple[FloatArray, FloatArray
     assert fit.use is not None
     rates, largest = np.array(fit.use.of(joint)), fit.use.largest[fit.use.joints.index(joint)]
     columns = friction_columns(fit, joint)
-    both = [_laws(fit, joint, way * rates) for way in (1.0, -1.0)]
-    laws = (both[0] - both[1]) / 2
+    laws = (_laws(fit, joint, rates) - _laws(fit, joint, -rates)) / 2
     variance = np.sum(laws @ fit.covariance[np.ix_(columns, columns)] * laws, axis=1)
     if {*fit.parameters.select(columns).names} & {*fit.assumed}:
         variance = np.full(len(laws), np.inf)

@@ -45,8 +45,14 @@ def possible_hysteresis(
     Of each of some motors beside all that the model has; ``weights`` (dof,) are one over the
     deviations of the forces.
     """
-    kinds = {joint: _elements(recordings, joint) for joint in joints}
-    kinds = {joint: own for joint, own in kinds.items() if own}
+    kinds = dict[str, tuple[str, ...]]()
+    for joint in joints:
+        # By the range of its motion, and the steps of its encoder.
+        span = max(float(np.ptp(way)) for each in recordings for way in each.ways(joint))
+        least = RESOLVED * max(each.step_of(joint) for each in recordings)
+        slips = [slip for slip in slip_displacements(span) if slip > least]
+        if slips:
+            kinds[joint] = tuple(f"Fh@{slip:.3g}" for slip in slips)
     wide, beside = force_model.with_columns(kinds), Beside(data, weights)
     W, names = wide.widened(data, recordings).regressor, list(wide.parameters)
     found = {}
@@ -56,13 +62,6 @@ def possible_hysteresis(
         if beside.evidence(row, W[:, row, columns]) > POSSIBLE:
             found[joint] = own
     return found
-
-
-def _elements(recordings: Sequence[Recording], joint: str) -> tuple[str, ...]:
-    """Kinds of the elements of a motor, by the range of its motion and the steps of its encoder."""
-    span = max(float(np.ptp(way)) for each in recordings for way in each.ways(joint))
-    least = RESOLVED * max(each.step_of(joint) for each in recordings)
-    return tuple(f"Fh@{slip:.3g}" for slip in slip_displacements(span) if slip > least)
 
 
 @record

@@ -182,26 +182,18 @@ class _Products:
 
     def part_with_size(self, rows: slice, drifts: slice | None = None) -> float:
         """The part left with forces of another size and zero in rows; or that drift over others."""
-        force, every = self._predicted_without(rows), np.arange(len(self.data))
-        motors, shapes = np.eye(force.shape[1]), [(every >= rows.start) & (every < rows.stop)]
-        sizes = force[:, :, None] * motors
+        others, n = self.whole - self.of(rows), len(self.values)
+        values = np.linalg.solve(others[:n, :n] + RIDGE * np.eye(n), others[:n, n])
+        force = self.data.predicted(values * self.sizes[n] / self.sizes[:n])  # without the rows
+        motors, every = np.eye(force.shape[1]), np.arange(len(self.data))
+        shapes, sizes = [(every >= rows.start) & (every < rows.stop)], force[:, :, None] * motors
         both = np.concatenate([sizes, np.broadcast_to(motors, sizes.shape)], axis=2)
         if drifts is not None:
             ends = drifts.start, drifts.stop - 1
             shapes.append(np.interp(every, ends, [0.0, 1.0], left=0.0, right=0.0))
-        return min(self._part_beside(shape[:, None, None] * both) for shape in shapes)
-
-    def _predicted_without(self, rows: slice) -> FloatArray:
-        """Forces (N, dof) by a fit without some rows."""
-        others = self.whole - self.of(rows)
-        n = len(others) - 1
-        values = np.linalg.solve(others[:n, :n] + RIDGE * np.eye(n), others[:n, n])
-        return self.data.predicted(values * self.sizes[n] / self.sizes[:n])
-
-    def _part_beside(self, columns: FloatArray) -> float:
-        """The part of the squares that columns (N, dof, k) of any size leave."""
-        R = self.data.beside("change", columns).problem.weighted(self.weights)
-        return float((R[-1, -1] / self.sizes[-1]) ** 2) / self.left
+        wider = (self.data.beside("change", shape[:, None, None] * both) for shape in shapes)
+        left = min(abs(float(each.problem.weighted(self.weights)[-1, -1])) for each in wider)
+        return (left / float(self.sizes[-1])) ** 2 / self.left
 
     def part_left(self, later: FloatArray) -> float:
         """Part of the squared errors with the body that explains most, from its products on."""

@@ -191,13 +191,14 @@ class _Law(NamedTuple):
 
     said: str
     do: str
-    columns: Callable[[_Motor, float], list[FloatArray]]  # of these, and of a number of waves
+    columns: Callable[[_Motor], list[FloatArray]]
     known: tuple[str, ...] = ()  # beginnings of kinds of joint terms that have it
     term: str = ""  # that is it
     other: str = ""  # the other motor
+    waves: float = 0.0  # how many in 2 π rad or metres
 
 
-def _curve(own: _Motor, _: float) -> list[FloatArray]:
+def _curve(own: _Motor) -> list[FloatArray]:
     size, way = np.abs(own.rate), np.sign(own.rate)
     slow = max(float(np.quantile(size, 0.99)), np.finfo(float).tiny) / 10
     return [way * np.sqrt(size), own.rate * size, way * np.exp(-((own.rate / slow) ** 2))]
@@ -205,35 +206,31 @@ def _curve(own: _Motor, _: float) -> list[FloatArray]:
 
 MEND_ZERO = "set position_offset: {{{}: {}}} in the mapping, plus one that it has"
 MEASURE = "measure the links, or take their lengths from a calibration"
-WAVES = _Law(
-    "waves over position",
-    "look at its gear and motor: teeth, poles, a bent shaft",
-    lambda own, number: [np.sin(number * own.position), np.cos(number * own.position)],
-)
+MEND_WAVES = "look at its gear and motor: teeth, poles, a bent shaft"
 DEFAULT = 'let the data choose: terms="auto"'
 LAWS = (
     _Law(
         "drifts in time",
         "warm the robot up, or fit shorter logs",
-        lambda own, _: [np.sign(own.rate) * own.time, own.rate * own.time],
+        lambda own: [np.sign(own.rate) * own.time, own.rate * own.time],
     ),
     _Law(
         "grows with position",
         'add springs: terms="auto; {terms}"',
-        lambda own, _: [own.position],
+        lambda own: [own.position],
         known=("Ks",),
         term="Ks",
     ),
     _Law(
         "differs by direction",
         DEFAULT,
-        lambda own, _: [np.ones(len(own.rate)), np.abs(own.rate)],
+        lambda own: [np.ones(len(own.rate)), np.abs(own.rate)],
         known=("Fa", "Fo", "Fc+"),
     ),
     _Law(
         "grows with load",
         DEFAULT,
-        lambda own, _: [np.sign(own.rate) * np.abs(own.load)],
+        lambda own: [np.sign(own.rate) * np.abs(own.load)],
         known=("Ft", "Fl"),
     ),
     _Law("is curved over rate", DEFAULT, _curve, known=("Fk", "Fs")),
@@ -244,8 +241,17 @@ def _coupling(other: str) -> _Law:
     return _Law(
         f"follows the motion of {other}",
         "look for a gear, a belt, a differential (joint_maps), or cross-talk of sensors",
-        lambda its, _: [np.sign(its.rate), its.rate, its.acceleration],
+        lambda its: [np.sign(its.rate), its.rate, its.acceleration],
         other=other,
+    )
+
+
+def _waves(number: float) -> _Law:
+    return _Law(
+        "waves over position",
+        MEND_WAVES,
+        lambda own: [np.sin(number * own.position), np.cos(number * own.position)],
+        waves=number,
     )
 
 
@@ -557,8 +563,8 @@ def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:
 class _Tried(NamedTuple):
     """A law of a motor, the tests that it stands for, and what the test says of it."""
 
+    motor: str
     law: _Law
-    number: float
     tests: int
     found: _Tested
 
@@ -588,25 +594,22 @@ class _Search:
         asked = (law for law in LAWS if not (self.force_model.automatic and law.do == DEFAULT))
         return [law for law in asked if not any(kind.startswith(law.known or "~") for kind in own)]
 
-    def _columns(self, motor: str, law: _Law, number: float = 0.0) -> FloatArray:
+    def _columns(self, motor: str, law: _Law) -> FloatArray:
         """Of a law (N, dof, k) in the force of a motor."""
-        own = self.motions[law.other] if law.other else self._signals(motor, law, number)
+        own = self.motions[law.other] if law.other else self._signals(motor, law)
         columns = np.zeros((*self.test.used.shape, own.shape[1]))
         columns[:, self.rows[motor]] = own
         return columns
 
-    def _signals(self, motor: str, law: _Law, number: float) -> FloatArray:
+    def _signals(self, motor: str, law: _Law) -> FloatArray:
         """A law of the states of a motor (N, k), filtered as forces are."""
-        signals = (
-            each[motor].lowpassed(np.stack(law.columns(each[motor], number), axis=1))
-            for each in self.states
-        )
-        return np.concatenate([*signals])
+        own = (each[motor] for each in self.states)
+        return np.concatenate([one.lowpassed(np.stack(law.columns(one), axis=1)) for one in own])
 
     @cached_property
     def motions(self) -> dict[str, FloatArray]:
         """What the force of another motor may follow of each motor (N, k)."""
-        return {motor: self._signals(motor, _coupling(motor), 0.0) for motor in self.motors}
+        return {motor: self._signals(motor, _coupling(motor)) for motor in self.motors}
 
     def _of_all(self, law: _Law) -> float:
         """Chance of a law of all motors that are tested for it together."""
@@ -619,44 +622,35 @@ class _Search:
 
     def of_motor(self, motor: str) -> list[MissingForce]:
         """The likeliest force of a motor, if one is clear; else its springs."""
-        count, tried = self.test.used[:, self.rows[motor]].sum(), list[_Tried]()
-        for law, number, kinds in self._tried(motor):
-            if law.other:
-                found = self.couplings[motor, law.other]
-            else:
-                found = self.test.of(self._columns(motor, law, number))
-            if count >= ROWS * len(found.x):
-                tried.append(_Tried(law, number, kinds * self.families, found))
-        best = min(tried, key=lambda one: self._chance(motor, one), default=None)
-        if best is not None and self._chance(motor, best) < FALSE_ALARM:
-            columns = self._columns(motor, best.law, best.number)
-            found = best.found._replace(chance=self.test.confirmed(columns))
-            chance = self._chance(motor, best._replace(found=found))
+        tried = [*self._tried(motor)]
+        best = min(tried, key=self._chance, default=None)
+        if best is not None and self._chance(best) < FALSE_ALARM:
+            columns = self._columns(motor, best.law)
+            sure = best.found._replace(chance=self.test.confirmed(columns))
+            chance = self._chance(best._replace(found=sure))
             if chance < FALSE_ALARM:
-                clear = self._missing(motor, best, chance, "clear")
+                clear = self._missing(best, chance, "clear")
                 # What a model lacks may follow another motor in a part of the data.
                 if not best.law.other or clear.left < HELPS:
                     return [clear]
-        springs = (one for one in tried if one.law.term and one.found.x.all())
-        return [self._doubtful(motor, one) for one in springs]
+        return [self._doubtful(one) for one in tried if one.law.term and one.found.x.all()]
 
-    def _doubtful(self, motor: str, one: _Tried) -> MissingForce:
+    def _doubtful(self, one: _Tried) -> MissingForce:
         """A spring that is not clear: likely, or as much of it as would not show."""
         chance, likely = one.found.chance, self.together[one.law.said] < LIKELY
         if not likely and chance < FALSE_ALARM:
-            columns = self._columns(motor, one.law, one.number)
-            likely = self.test.confirmed(columns) < FALSE_ALARM
+            likely = self.test.confirmed(self._columns(one.motor, one.law)) < FALSE_ALARM
         if likely:
-            return self._missing(motor, one, chance, "likely")
+            return self._missing(one, chance, "likely")
         times = HIDDEN * one.found.errors / one.found.x
         hidden = one.found._replace(x=times * one.found.x, bias=times * one.found.bias)
-        return self._missing(motor, one._replace(found=hidden), chance, "hidden")
+        return self._missing(one._replace(found=hidden), chance, "hidden")
 
-    def _chance(self, motor: str, one: _Tried) -> float:
+    def _chance(self, one: _Tried) -> float:
         """Of what is tried for a motor: its own, or that of all."""
         alone = one.found.chance
         if one.law.other and one.tests * alone < FALSE_ALARM:
-            alone = self._beside_others(motor, one.law.other, alone)
+            alone = self._beside_others(one.motor, one.law.other, alone)
         of_all = len(LAWS) * self.families * self.together.get(one.law.said, 1.0)
         return min(one.tests * alone, of_all if alone < ONE_OF_ALL else 1.0)
 
@@ -680,19 +674,18 @@ class _Search:
         pairs = permutations(self.motors, 2)
         return {(a, b): self.test.of(self._columns(a, _coupling(b))) for a, b in pairs}
 
-    def _missing(self, motor: str, one: _Tried, chance: float, certainty: str) -> MissingForce:
-        slides = self.force_model.robot.slides(motor)
-        law, number, unit = one.law, one.number, ""
-        if law is WAVES:
+    def _missing(self, one: _Tried, chance: float, certainty: str) -> MissingForce:
+        law, slides, number, unit = one.law, self.force_model.robot.slides(one.motor), 0.0, ""
+        if law.waves:
+            number = law.waves / (2 * np.pi if slides else 1.0)
             unit = "times a metre" if slides else "times a turn"
-            number /= 2 * np.pi if slides else 1.0
         elif law.term:
             number, unit = float(one.found.x[0]), "N/m" if slides else "N m/rad"
         return self.test.missing(
-            self._columns(motor, law, one.number),
+            self._columns(one.motor, law),
             one.found,
             certainty,
-            motor=motor,
+            motor=one.motor,
             law=law.said,
             chance=chance,
             do=law.do,
@@ -701,14 +694,17 @@ class _Search:
             unit=unit,
         )
 
-    def _tried(self, motor: str) -> Iterator[tuple[_Law, float, int]]:
-        """Laws and their numbers that a motor is tested for, and tests that each stands for."""
+    def _tried(self, motor: str) -> Iterator[_Tried]:
+        """What a motor is tested for, where it has samples enough."""
         laws = [*self.laws[motor], *(_coupling(one) for one in self.motors if one != motor)]
-        kinds = len(laws) + 1
-        yield from ((law, 0.0, kinds) for law in laws)
+        tests, count = (len(laws) + 1) * self.families, self.test.used[:, self.rows[motor]].sum()
         numbers, share = self._wave_numbers(motor)
-        likeliest = np.argsort(-share)[:LIKELIEST]
-        yield from ((WAVES, float(numbers[k]), kinds * len(numbers)) for k in likeliest)
+        laws += [_waves(float(numbers[k])) for k in np.argsort(-share)[:LIKELIEST]]
+        for law in laws:
+            known = (motor, law.other) if law.other else None
+            found = self.couplings[known] if known else self.test.of(self._columns(motor, law))
+            if count >= ROWS * len(found.x):
+                yield _Tried(motor, law, tests * (len(numbers) if law.waves else 1), found)
 
     def _wave_numbers(self, motor: str) -> tuple[FloatArray, FloatArray]:
         """Numbers of waves in 2 π rad or metres, and how much of the residual each may be."""

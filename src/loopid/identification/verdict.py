@@ -17,7 +17,7 @@ from loopid.identification.friction_curves import (
     frictional_joints,
 )
 from loopid.identification.leaving_out import single_moves, whole_logs
-from loopid.identification.missing import WAVES, missing_findings
+from loopid.identification.missing import MEND_WAVES, missing_findings
 from loopid.identification.outcome import ALL, ROUGH, Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS, WHOLE_FORCE
 from loopid.identification.quality import Ripples
@@ -82,7 +82,7 @@ class Verdict:
         were left out, at ``"slow"`` speed, or at ``"standstill"``.
     slowest : float
         Part of its fastest rate in the logs from which on friction of every motor is known; 0
-        without friction.
+        without friction. Below, Stribeck friction may be anything more.
     slow_error : float
         What errors may be at slower rates, in parts of the force of the motor where it is most, in
         the root mean square; 0 without friction, and where that is not known.
@@ -116,6 +116,7 @@ class Verdict:
         mistake = next(iter(found.mistakes), None)
         excite, improvement = _improvement(found)
         left_out = "logs" if whole_logs(found.data) else "segments"
+        ends = map(found.fit.rates_of, frictional_joints(found.fit))
         return cls(
             NOT_FIT if mistake else _use(found, error),
             found.new.actuators[worst],
@@ -129,7 +130,7 @@ class Verdict:
             mistake.do if mistake else improvement,
             mistake,
             where,
-            _slowest(found.fit),
+            max((slowest / fastest for slowest, fastest in filter(None, ends)), default=0.0),
             _slow_error(found),
             _reached(found),
         )
@@ -193,15 +194,6 @@ JUDGED = {
     "regions": "states left out of the fit",
 }
 AT = {"slow": ", at low speed", "standstill": ", at standstill"}
-
-
-def _slowest(fit: Fit) -> float:
-    """Part of its fastest rate from which on friction of every motor is known.
-
-    Below, a fit has what there is at that rate, and Stribeck friction may be anything more.
-    """
-    ends = (fit.rates_of(joint) for joint in frictional_joints(fit))
-    return max((slowest / fastest for slowest, fastest in filter(None, ends)), default=0.0)
 
 
 def _slow_error(found: Outcome) -> float:
@@ -399,7 +391,7 @@ def _of_ripples(found: Outcome, ripples: Ripples) -> Finding:
         "note",
         f"force of {motors} ripples over position",
         f"root mean squares: {'; '.join(said)}; values are fitted beside it",
-        WAVES.do,
+        MEND_WAVES,
     )
 
 

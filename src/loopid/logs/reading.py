@@ -16,11 +16,8 @@ from loopid.logs.checks import check_streams, frame_index, require_known_motion,
 from loopid.logs.grid import Stream, make_streams, on_joints
 from loopid.logs.log import Log
 from loopid.logs.mapping import LogMapping, mapping_of
-from loopid.logs.preparing import prepare
-from loopid.logs.recording import FilterOptions, Recording
 from loopid.logs.signals import ColumnFinder
 from loopid.logs.table import LogFormat, numbers_in, stream_name
-from loopid.progress import Progress
 from loopid.registry import log_formats
 from loopid.robot.robot import Robot
 from loopid.yaml_files import placing
@@ -105,22 +102,6 @@ def read_log(
         log = Log.from_streams(name, streams, robot.actuated, mapping)
         log = with_checked_rates(log)
     return replace(log, checked=True)
-
-
-@checked
-def read_recording(
-    path: str | Path,
-    robot: Robot,
-    mapping: LogMapping | str | Path | None = None,
-    *,
-    rows: tuple[int, int | None] | None = None,
-    filter: FilterOptions = FilterOptions(),  # noqa: A002
-    forces: bool = True,
-    progress: Progress | None = None,
-) -> Recording:
-    """Read a log and make it ready; see ``read_log`` and ``prepare``."""
-    log = read_log(path, robot, mapping=mapping, rows=rows, forces=forces)
-    return prepare(robot, log, filter=filter, progress=progress)
 
 
 def _existing(path: str | Path) -> Path:

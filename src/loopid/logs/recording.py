@@ -28,7 +28,6 @@ from loopid.kinematics.sampling import least_measure
 from loopid.logs.checks import frame_index
 from loopid.logs.grid import Dropped
 from loopid.logs.log import ExternalWrench, Log
-from loopid.logs.table import COMPONENTS
 from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
@@ -493,7 +492,7 @@ def wrench_forces(
     forces = np.zeros((len(q), len(robot.independent)))
     frames = [frame_index(robot, wrench.frame) for wrench in wrenches]
     for wrench in wrenches:
-        samples(wrench.values, len(COMPONENTS), f"the wrench on {wrench.frame}", len(q))
+        wrench.rows(len(q))
     for rows in row_blocks(len(q)) if wrenches else ():
         poses, G = frame_poses(robot, q[rows], frames), project(robot, q[rows]).G
         tau = np.zeros(G.shape[:2])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -18,7 +17,7 @@ from loopid.errors import DataError, OptionError, RobotFileError, unknown_word
 from loopid.loading.files import find_motion_file
 from loopid.motion.trajectories import Arc, FourierCurve, Motion, Waypoint, point_to_point
 from loopid.records import record
-from loopid.yaml_files import placing, read_yaml, yaml_writer
+from loopid.yaml_files import placing, read_yaml, yaml_text
 
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
 MOST_WAYS = 100_000
@@ -379,7 +378,7 @@ def motion_text(
     def pose(values: FloatArray) -> dict[str, float]:
         return dict(zip(coordinates, values.tolist(), strict=True))
 
-    here, steps, text = start, list[dict[str, Any]](), io.StringIO()
+    here, steps = start, list[dict[str, Any]]()
     for waypoint in waypoints:
         curve, step = waypoint.curve, dict[str, Any](seconds=float(waypoint.seconds))
         if isinstance(curve, FourierCurve):
@@ -394,5 +393,4 @@ def motion_text(
         here = waypoint.position
     motion = {"description": description, "start": pose(start), "steps": steps}
     content = {"coordinates": list(coordinates), "rate": rate, "motions": {name: motion}}
-    yaml_writer().dump(content, text)
-    return text.getvalue()
+    return yaml_text(content)

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import MOST_SAMPLES, FloatArray, Positive, checked, finite, shaped
+from loopid.arguments import MOST_SAMPLES, FloatArray, Positive, checked, finite, shaped, times
 from loopid.errors import DataError
 from loopid.numbers import SUM_ROUND_OFF
 from loopid.records import Tabular, columns_of, record
@@ -37,12 +37,7 @@ class Motion(Tabular):
     acceleration: FloatArray
 
     def __post_init__(self) -> None:
-        time = finite(self.time, "time")
-        if time.ndim != 1 or len(time) == 0:
-            raise DataError(f"time must have shape (samples,), not {time.shape}")
-        backwards = np.flatnonzero(np.diff(time) <= 0)
-        if len(backwards):
-            raise DataError(f"time must increase, but does not after sample {backwards[0]}")
+        time = times(self.time)
         object.__setattr__(self, "time", time)
         for name in ("position", "velocity", "acceleration"):
             values = shaped(getattr(self, name), name, len(time), len(self.names))
