@@ -297,7 +297,9 @@ def _others(robot: Robot, meant: Terms, there: Known) -> Iterator[str]:
         elif value < 0 and _never_negative(kind) and read.get(joint, {}).get(kind, 0.0) == 0:
             what, label = "zero stands for the negative", f"{label} = {value:.3g}"
         else:
-            what = "in the fit, but without a place in the file (a YAML's joint_terms has one), are"
+            what = (
+                "in the fit, but not written into the file (a YAML's joint_terms takes them), are"
+            )
         said.setdefault(what, []).append(label)
     for joint in robot.coordinates:
         for kind in read.get(joint, {}):

@@ -11,7 +11,7 @@ log_formats.register("hdf5", "loopid.formats.arrays:Hdf5Format")
 log_formats.register("mat", "loopid.formats.arrays:MatFormat")
 log_formats.register("jsonl", "loopid.formats.tables:JsonLinesFormat")
 log_formats.register("excel", "loopid.formats.tables:ExcelFormat")
-log_formats.register("rostopic", "loopid.formats.rostopic:RostopicFormat")
+log_formats.register("rostopic", "loopid.formats.text:RostopicFormat")
 log_formats.register("bag", "loopid.formats.bags:BagFormat")
 
 for ending in (".xml", ".mjcf"):
@@ -23,14 +23,10 @@ robot_formats.register(".sdf", "loopid.formats.sdf:read_sdf")
 robot_formats.register(".xacro", "loopid.formats.xacro:read_xacro")
 
 for sign, reader in {
-    "link[starts-with(@name, 'closing_')]": "loop_tags:read_closing_frames",
-    "loop | loop_joint | constraint": "loop_tags:read_loop_tags",
-    "coupling | joint[@independent] | loop_constraint | joint_constraint": (
-        "urdf_plus:read_urdf_plus"
-    ),
-    "gazebo": "gazebo:read_gazebo",
-    "//*[contains(name(), 'ball_constraint') or contains(name(), 'linear_')]": (
-        "loop_tags:read_drake"
-    ),
+    "link[starts-with(@name, 'closing_')]": "read_closing_frames",
+    "loop | loop_joint | constraint": "read_loop_tags",
+    "coupling | joint[@independent] | loop_constraint | joint_constraint": "read_urdf_plus",
+    "gazebo": "read_gazebo",
+    "//*[contains(name(), 'ball_constraint') or contains(name(), 'linear_')]": "read_drake",
 }.items():
-    urdf_dialects.register(sign, f"loopid.formats.{reader}")
+    urdf_dialects.register(sign, f"loopid.formats.urdf_dialects:{reader}")

@@ -20,7 +20,7 @@ from lxml.builder import E
 
 from loopid.arguments import FloatArray, number
 from loopid.errors import OptionError, RobotFileError, naming, shown
-from loopid.formats.gazebo import unread_plugins
+from loopid.formats.urdf_dialects import unread_plugins
 from loopid.inertia import written
 from loopid.loading import xml_elements as xml
 from loopid.loading.tree import Reference, TreeSource, add_frame

@@ -23,7 +23,6 @@ from .friction_curves import (
     friction_summary as friction_summary,
     nearest_line as nearest_line,
 )
-from .hysteresis import hysteresis_loop as hysteresis_loop
 from .identification import Identification as Identification, split_recordings as split_recordings
 from .information import Excitation as Excitation, identifiability as identifiability
 from .instrumental import InstrumentalVariables as InstrumentalVariables

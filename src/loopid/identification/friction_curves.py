@@ -37,6 +37,9 @@ LINE_POINTS = 200  # rates that a line is fitted at
 # Part of a motor's largest force that friction must drive with at one speed, and brake with at
 # another.
 TURNS = 0.1
+# Part of the force that has changed sides over the identified way: of a law that falls off
+# exponentially, as Dahl's, its constant.
+TOLD = 1 - np.exp(-1)
 
 
 @record
@@ -290,11 +293,6 @@ def load_columns(fit: Estimates, joint: str) -> list[int]:
     return _columns(fit, joint, lambda kind: kind == "Ft")
 
 
-def hysteresis_columns(fit: Estimates, joint: str) -> list[int]:
-    """Columns of a joint's elements of Maxwell slip, by which its friction builds up."""
-    return _columns(fit, joint, lambda k: k not in KINDS and joint_term(k).prior == HYSTERESIS)
-
-
 def _columns(fit: Estimates, joint: str, chosen: Callable[[str], bool]) -> list[int]:
     """Columns of a joint of the kinds that are chosen."""
     names = enumerate(fit.parameters)
@@ -380,3 +378,21 @@ def nearest_line(
     line, _ = nnls(np.column_stack([np.ones(LINE_POINTS), rates]), both.mean(axis=0))
     off = float(np.abs(both - line[0] - line[1] * rates).max())
     return FrictionLine(joint, float(line[0]), float(line[1]), off, (least, most))
+
+
+def hysteresis_ways(fit: Estimates) -> dict[str, float]:
+    """Displacements in m or rad over which friction builds up, of each joint whose friction does.
+
+    Those after a reversal at which 63 % of it have changed sides. Each element of Maxwell slip
+    (``maxwell_slip.py``) goes from one side to the other over twice its own.
+    """
+    found = dict[str, float]()
+    for joint in dict.fromkeys(each.link for each in fit.parameters):
+        own = _columns(fit, joint, lambda k: k not in KINDS and joint_term(k).prior == HYSTERESIS)
+        part = np.maximum(fit.values[own], 0.0)
+        if part.any():
+            slips = np.array([joint_term(fit.parameters[j].kind).at for j in own])
+            ends = np.sort(2 * slips)
+            done = np.minimum(ends[:, None] / (2 * slips), 1.0) @ part / part.sum()
+            found[joint] = float(np.interp(TOLD, np.append(0.0, done), np.append(0.0, ends)))
+    return found

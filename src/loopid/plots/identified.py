@@ -17,7 +17,6 @@ from loopid.identification.friction_curves import (
     friction_summary,
     frictional_joints,
 )
-from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.identification import Identification
 from loopid.identification.information import body_sizes
 from loopid.identification.log_mistakes import LogFaults
@@ -172,41 +171,6 @@ def value_text(each: Estimate, assumed: Sequence[str] = ()) -> str:
     """A value with its standard error and unit; no error of what keeps the robot file's value."""
     value, error = with_error(each.value, 0.0 if each.name in assumed else each.standard_error)
     return f"{value} {f'± {error} ' * (error != '-')}{each.unit}".strip()
-
-
-@checked
-def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
-    """Friction of motors whose friction builds up after a reversal, by the recommended fit.
-
-    Parameters
-    ----------
-    found : Identification
-    worst : str
-        The motor that is marked.
-
-    Returns
-    -------
-    Chart
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("five_bar")
-    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
-    >>> loopid.plots.hysteresis_chart(found).panels  # friction of these motors does not build up
-    ()
-    """
-    fit, robot, panels = found.fit, found.force_model.robot, list[Panel]()
-    for joint in hysteretic_joints(fit):
-        loop = hysteresis_loop(fit, joint)
-        marks = _banded(1e3 * loop.displacement, loop.force, loop.band)
-        title = f"friction ({robot.units(joint)[1]})"
-        panels.append(Panel(title, tuple(marks), **of_motor(robot, joint, worst)))
-    caption = (
-        "Friction over the displacement of a slow way to and fro, by the recommended fit: what "
-        "builds up after each reversal."
-    )
-    return _by_motor("hysteresis", caption, f"displacement ({_units(robot, 'mrad', 'mm')})", panels)
 
 
 @checked
