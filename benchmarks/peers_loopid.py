@@ -12,7 +12,7 @@ from loopid import Robot
 from loopid.base_parameters import BaseParameters, SearchOptions, find_base
 from loopid.identification import Fit, FitProblem, OrdinaryLeastSquares
 from loopid.kinematics import torque_regressors
-from loopid.observation import Observation, triangular_factor
+from loopid.observation import Observation, StackedRows, triangular_factor
 from loopid.parameters import Parameter, ParameterSet
 from measuring import Phases, States, answer, peak_megabytes
 
@@ -29,11 +29,10 @@ def main() -> None:
         mechanism = loopid.load(states.urdf, free_mimics=True)
     loaded = peak_megabytes()
     with phases("triangular factor"):
-        both = Observation.from_parts(
-            chunks(mechanism, states, phases),
-            mechanism.parameters() + FORCE,
-            length=mechanism.length,
-        )
+        rows = StackedRows(mechanism.parameters() + FORCE)
+        for chunk in chunks(mechanism, states, phases):
+            rows.add(chunk)
+        both = rows.observation(length=mechanism.length)
     with phases("base parameters"):
         observation = without_force(both, mechanism)
         base = find_base(observation, "qr")

@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 import loopid
 from loopid.base_parameters.structure import analyse
 from loopid.errors import DataError
-from loopid.observation import Observation, add_rows, triangular_factor
+from loopid.observation import Observation, StackedRows, add_rows, triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.regressors import structural_observation
 
@@ -100,6 +100,13 @@ def named(width):
     return ParameterSet.from_labels(f"link{j}.m" for j in range(width))
 
 
+def of_parts(parts, width, **units):
+    rows = StackedRows(named(width))
+    for part in parts:
+        rows.add(part)
+    return rows.observation(**units)
+
+
 def random_matrix(seed, *shape):
     return np.random.default_rng(seed).normal(size=shape)
 
@@ -109,7 +116,7 @@ def test_parts_make_the_same_observation_as_the_whole(lengths, width, seed):
     W = random_matrix(seed, sum(lengths), width)
     parts = np.split(W, np.cumsum(lengths)[:-1])
     whole = Observation.from_matrix(W, named(width), length=2.0)
-    joined = Observation.from_parts(iter(parts), named(width), length=2.0)
+    joined = of_parts(parts, width, length=2.0)
     assert (joined.rows, joined.length) == (whole.rows, whole.length) == (len(W), 2.0)
     np.testing.assert_allclose(joined.factor.T @ joined.factor, W.T @ W, atol=1e-12)
 
@@ -142,7 +149,7 @@ def test_bad_matrices_are_refused(matrix, problem):
 
 def test_an_observation_without_parts_is_refused():
     with pytest.raises(DataError, match="no rows"):
-        Observation.from_parts(iter([]), named(2))
+        of_parts([], 2)
 
 
 def test_samples_of_several_rows_are_stacked():
@@ -151,14 +158,6 @@ def test_samples_of_several_rows_are_stacked():
     assert whole.rows == 24
     rows = W.reshape(-1, 5)
     np.testing.assert_allclose(whole.factor.T @ whole.factor, rows.T @ rows, atol=1e-12)
-
-
-def test_what_the_motors_alone_feel_are_the_first_rows_of_each_sample():
-    W = random_matrix(0, 40, 3, 5)
-    alone = Observation.from_parts([W[:7], W[7:]], named(5), driven=2).motors_alone
-    rows = W[:, :2].reshape(-1, 5)
-    assert alone.rows == 80
-    np.testing.assert_allclose(alone.factor.T @ alone.factor, rows.T @ rows, atol=1e-12)
 
 
 def test_an_unclear_rank_is_decided_by_four_times_as_many_samples():

@@ -208,6 +208,21 @@ def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -
     return values
 
 
+def times(time: ArrayLike, *, repeated: bool = False) -> FloatArray:
+    """Times (N,), which increase, or at least do not go back."""
+    values = finite(time, "time")
+    back = np.less if repeated else np.less_equal
+    if values.ndim != 1 or not len(values):
+        message = f"time must have shape (samples,), not {values.shape}"
+        raise DataError(message, argument="time", given=values.shape)
+    wrong = np.flatnonzero(back(np.diff(values), 0))
+    if len(wrong):
+        before, after = values[wrong[0] : wrong[0] + 2]
+        message = f"time must increase, but entry {wrong[0] + 1} is {after:g} after {before:g}"
+        raise DataError(message, argument="time", given=after)
+    return values
+
+
 def by_name(values: Any, names: Sequence[str]) -> Any:
     """A frame with a column of each name, in their order; all else as it is."""
     named = hasattr(values, "columns") and {*values.columns} == {*names}
@@ -278,12 +293,8 @@ def checked(thing: Thing) -> Thing:
     Of a class these are arguments of ``__init__`` and of all public methods. Calls
     from loopid's own code are not checked, but for ``__init__``: what it gives is right. Lists
     become arrays where these are annotated. Arrays or columns of data frames become lists. Shapes
-    of arrays are left to the function, which knows them.
-
-    Raises
-    ------
-    OptionError
-        Naming the argument, what it must be, and what was given.
+    of arrays are left to the function, which knows them. An OptionError names the argument, what it
+    must be, and what was given.
     """
     made: Thing = _with_checks(thing, _checked)
     return made

@@ -56,14 +56,8 @@ def record(
     Its arrays are read-only; those that are not yet are copied. Records are equal when their
     compared fields are, entry by entry, NaN included; equal records have equal hashes. They can be
     pickled, and print in ten lines at most. Methods that the class defines or inherits are kept.
-
-    Parameters
-    ----------
-    kw_only : bool
-        Whether all fields are given by their names.
-    checked : bool or "outside"
-        Whether fields, and arguments of public methods, are checked against their annotations, as
-        ``arguments.checked`` does; "outside" of results, as ``checked_outside``.
+    With ``checked`` fields, and arguments of public methods, are checked against their annotations,
+    as ``arguments.checked`` does; "outside" as ``checked_outside``, for results.
 
     Examples
     --------
@@ -215,13 +209,7 @@ class Tabular:
         return polars.DataFrame(self._table())
 
     def to_pandas(self) -> Any:
-        """The table as a data frame of pandas, which must be installed.
-
-        Raises
-        ------
-        MissingExtraError
-            Where it is not.
-        """
+        """The table as a data frame of pandas; a MissingExtraError where that is not installed."""
         try:
             import pandas  # type: ignore[import-untyped]
         except ImportError as error:

@@ -14,14 +14,8 @@ Entry = TypeVar("Entry")
 class Registry(Mapping[str, Entry], Generic[Entry]):
     """Entries by name, in the order in which they were registered.
 
-    An entry may be given as ``"module:name"``; it is imported when it is first used.
-
-    Parameters
-    ----------
-    what : str
-        What an entry is called in errors, such as ``"estimator"``.
-    entries : mapping, optional
-        The first entries by name.
+    An entry may be given as ``"module:name"``; it is imported when it is first used. In errors it
+    is called ``what``.
 
     Examples
     --------

@@ -1,8 +1,8 @@
 """An independent check of certificates, in ball arithmetic.
 
-From the boxes and leaves that exact search records it verifies that the leaves of every tree hold
-every selection, that no selection of a leaf lies in the box, and that the boxes leave no room for a
-better choice. It shares no code with the search.
+From the boxes and leaves of an exact search (``proof_recorder.py``) it verifies that the leaves of
+every tree hold every selection, that no selection of a leaf lies in the box, and that the boxes
+leave no room for a better choice. It shares no code with the search.
 """
 
 from itertools import pairwise
@@ -13,13 +13,13 @@ import numpy as np
 flint.ctx.prec = 200
 
 
-def check(blocks, result):
+def check(blocks, result, proof):
     """Assert that the record proves a certified result, for blocks of vectors (m, k)."""
     assert result.certified
-    for entry in result.proof:
+    for entry in proof:
         assert_partition(entry)
         assert_excluded(entry)
-    assert_no_room(blocks, result)
+    assert_no_room(blocks, result, proof)
 
 
 def assert_partition(entry):
@@ -91,14 +91,14 @@ def too_little_left(X, exact, rest, above):
     return bool(total <= flint.arb(above) * (column.transpose() * column)[0, 0])
 
 
-def assert_no_room(blocks, result):
+def assert_no_room(blocks, result, proof):
     """The boxes leave no joint selection with a better ratio than was certified.
 
     With s and l the extreme eigenvalues over all blocks: for every l there is a box that holds all
     s above l over the ratio.
     """
     ratio = (result.condition_number * (1 - result.tolerance)) ** 2
-    boxes = [(entry.above, entry.below) for entry in result.proof]
+    boxes = [(entry.above, entry.below) for entry in proof]
     values = [np.linalg.svd(X, compute_uv=False) ** 2 for X in blocks]
     # What holds for every selection, from norms and interlacing.
     boxes.append((min(own[-1] for own in values) * (1 + 1e-10), np.inf))

@@ -1,12 +1,14 @@
 """Certificates are true: brute force finds nothing better, ball arithmetic confirms the proofs."""
 
 import warnings
+from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
 import pytest
 from choice_problems import parameters, structure
 from hard_problems import KINDS, SHAPES, least, small_problem, weakly_coupled
+from proof_recorder import proven
 
 import loopid
 from loopid import bundled_robots
@@ -103,11 +105,11 @@ def test_proofs_by_either_rule_hold_in_ball_arithmetic(monkeypatch):
 def assert_proven(problem, certified=True, **options):
     """The recorded proof passes the independent check."""
     check = pytest.importorskip("proof_checker", reason="needs python-flint").check
-    found = ExactSearch(SearchOptions(time_limit=60.0, **options), proof=True).search(problem)
+    found, proof = proven(problem, time_limit=60.0, **options)
     assert found.certified or not certified
     if found.certified:
         blocks, _ = split(problem)
-        check([block.vectors for block in blocks], found)
+        check([block.vectors for block in blocks], found, proof)
 
 
 @runs(2, 10)
@@ -153,12 +155,12 @@ def test_the_margin_exceeds_the_round_off_of_elimination(size):
 def test_a_proof_with_a_leaf_missing_or_a_box_too_large_is_rejected():
     checker = pytest.importorskip("proof_checker", reason="needs python-flint")
     problem = small_problem("generic", 0, "nullspace")
-    found = ExactSearch(proof=True).search(problem)
-    entry = max(found.proof, key=lambda one: len(one.leaves))
-    without = type(entry)(entry.block, entry.vectors, entry.above, entry.below, entry.leaves[1:])
+    _, proof = proven(problem)
+    entry = max(proof, key=lambda one: len(one.leaves))
+    without = replace(entry, leaves=entry.leaves[1:])
     with pytest.raises(AssertionError):
         checker.assert_partition(without)
-    wider = type(entry)(entry.block, entry.vectors, 1e-9, np.inf, entry.leaves)
+    wider = replace(entry, above=1e-9, below=np.inf)
     with pytest.raises(AssertionError, match="is open"):
         checker.assert_excluded(wider)
 

@@ -18,7 +18,6 @@ from loopid.base_parameters import (
     SubgroupSearch,
     find_base,
 )
-from loopid.base_parameters.base import find_base_and_motors_alone
 from loopid.base_parameters.choice import CRITERIA
 from loopid.errors import LoopidError, OptionError
 from loopid.observation import Observation
@@ -39,7 +38,7 @@ def test_every_search_has_a_name_and_goes_by_it(observation):
 
 
 def test_a_search_with_options_is_used_as_it_is(observation):
-    assert find_base(observation, ExactSearch(proof=True)).search.proof
+    assert find_base(observation, SubgroupSearch(alpha=0.5)).search.subgroups.alpha == 0.5
     with pytest.raises(OptionError):  # of these choices none is valid
         find_base(observation, SubgroupSearch(condition_limit=1.0001))
 
@@ -92,7 +91,7 @@ def test_an_effort_is_of_positive_numbers(field, wrong):
 
 
 def test_searches_and_results_are_records(observation):
-    for search in (ExactSearch(proof=True), SubgroupSearch(alpha=0.5), PivotedQR()):
+    for search in (ExactSearch(), SubgroupSearch(alpha=0.5), PivotedQR()):
         problem = ChoiceProblem(random_structure(8, 3))
         found, again = search.search(problem), search.search(problem)
         for one, other in ((search, replace(search)), (problem, replace(problem)), (found, again)):
@@ -129,20 +128,3 @@ def test_pivoted_qr_leaves_the_last_pivots_dependent():
     problem = ChoiceProblem(random_structure(9, 4))
     order = qr(problem.structure.row_factor, pivoting=True, mode="r")[1]
     assert PivotedQR().search(problem).dependent == tuple(sorted(order[5:].tolist()))
-
-
-def test_what_the_motors_alone_feel_is_found_in_the_time_that_is_left():
-    rng = np.random.default_rng(0)
-    W = rng.normal(size=(40, 3, 5)) @ rng.normal(size=(5, 9))
-    observation = Observation.from_parts([W], parameters(9), driven=2)
-    options = SearchOptions(time_limit=50.0)
-    base, felt = find_base_and_motors_alone(observation, options=options)
-    assert base == find_base(observation, options=options)
-    alone = find_base(observation.motors_alone)
-    assert felt.dependent.tolist() == alone.dependent.tolist()
-    left = 50.0 - base.search.seconds
-    assert felt.search.options.time_limit == pytest.approx(left)
-    W[:, :2] = 0.0  # only rows of free coordinates have an effect
-    free = Observation.from_parts([W], parameters(9), driven=2)
-    assert find_base_and_motors_alone(free)[1] is None
-    assert find_base_and_motors_alone(Observation.from_matrix(W, parameters(9)))[1] is None

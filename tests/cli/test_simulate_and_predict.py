@@ -12,7 +12,7 @@ import pytest
 
 import loopid
 from loopid.logs import Recording
-from loopid.logs.mapping import read_mapping
+from loopid.logs.mapping import mapping_of
 from loopid.motion import scaled_bodies
 
 ROOT = Path(__file__).parents[2]
@@ -232,7 +232,7 @@ def test_the_payload_of_two_logs(five_bar, run, run_json, tmp_path):
     known = ["--known-mass=1.5", f"--write-mapping={written}"]
     gains = run_json("payload", "five_bar", "left_coupler", *logs, *options, *known)["gains"]
     np.testing.assert_allclose(gains, 1.0, atol=0.05)
-    scales = read_mapping(written).force_scale
+    scales = mapping_of(written).force_scale
     np.testing.assert_allclose([scales[name] for name in five_bar.actuated], gains, rtol=1e-5)
     alone = run("payload", "five_bar", "left_coupler", *logs, f"--write-mapping={written}")
     assert alone.code == 2

@@ -141,6 +141,28 @@ def test_friction_that_grows_with_load_or_ripples_is_no_delay(load_once, kind, d
     assert found.clear == (delay > 0)
 
 
+@pytest.mark.parametrize("load", [0.0, 0.1])
+def test_one_motor_alone_with_friction_that_grows_with_load_has_no_early_forces(load_once, load):
+    """That is what the friction looks like where no other motor tells what the gear carries."""
+    robot = load_once("four_bar")
+    terms, (middle,) = JointTerms(robot.actuated, ("Fc", "Fv")), robot.reference[:1]
+    points = middle + np.random.default_rng(3).uniform(-0.8, 0.8, 3)
+    ways = [Waypoint([point], seconds=s) for point in (*points,) * 4 for s in (0.8, 0.3)]
+    motion = point_to_point(robot.actuated, [middle], ways, rate=RATE)
+    bodies = scaled_bodies(robot, 0.2)
+    run = simulated(robot, motion, None, standard=bodies, terms=(terms, [0.1, 0.05]))
+    steady = 0.1 * np.sign(motion.velocity) + 0.05 * motion.velocity
+    force = run.exact_force
+    force = force + load * np.sign(motion.velocity) * np.abs(force - steady)
+    model = loopid.force_model(robot, "full", "Fc,Fv,Fo,Ia")
+    log = unchecked(run.time, run.position, force, robot.actuated)
+    found, early = (
+        find_delay(model, [prepared(model, noisy(log, -late, noise=0.3))]) for late in (0.0, 0.02)
+    )
+    assert not found.clear
+    assert early.clear == (not load)
+
+
 def in_a_band(common, half, motors=2):
     """A delay of motors as one band has it, undone."""
     ends, each = np.array([common - half, common + half]), np.full(motors, common)

@@ -15,8 +15,8 @@ from loopid.export import c_source
 from loopid.export.robot_file import updated_robot_file
 from loopid.identification.consistent import error_weights
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.friction import motor_use
-from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints, possible_hysteresis
+from loopid.identification.friction import friction_findings, motor_use, possible_hysteresis
+from loopid.identification.friction_curves import friction_curve, hysteresis_ways
 from loopid.kinematics import measured_coordinates
 from loopid.motion import scaled_bodies
 from loopid.regressors.joint_laws import joint_term
@@ -98,13 +98,17 @@ def error_on(model, values, run):
 
 def test_it_is_found_with_its_way_and_predicts_another_motion(robot, found):
     fit = found[SLIP]["consistent"].fit
-    assert hysteretic_joints(fit) == robot.actuated
-    for joint in robot.actuated:
-        loop = hysteresis_loop(fit, joint)
-        assert loop.way == pytest.approx(SLIP, rel=0.5)
-        assert loop.finding[0] == f"friction of {joint} builds up after reversals"
+    ways, said = hysteresis_ways(fit), dict(friction_findings(fit))
+    assert tuple(ways) == robot.actuated
+    for joint, way in ways.items():
+        assert way == pytest.approx(SLIP, rel=0.5)
+        assert (
+            said[f"friction of {joint} builds up after reversals"] == f"over {1e3 * way:.2g} mrad"
+        )
         assert fit[f"{joint}.Fc"].value == pytest.approx(0.1, rel=0.03)
-        assert loop.force.max() == pytest.approx(0.1, rel=0.05)
+        slowest = fit.rates_of(joint)[0]
+        (force,) = friction_curve(fit, joint, np.array([0.01 * slowest])).values
+        assert force == pytest.approx(0.1, rel=0.05)
     other = loopid.prepare(robot, log_of(robot, 5, SLIP))
     jumps = np.where(["Fh" in label for label in fit.parameters.labels], 0.0, fit.values)
     model = found[SLIP].force_model
@@ -114,14 +118,12 @@ def test_it_is_found_with_its_way_and_predicts_another_motion(robot, found):
 
 def test_friction_that_jumps_has_none(found):
     fit = found[0.0]["consistent"].fit
-    assert hysteretic_joints(fit) == ()
-    with pytest.raises(OptionError, match="joint with hysteresis"):
-        hysteresis_loop(fit, "left_crank_joint")
+    assert hysteresis_ways(fit) == {}
 
 
 def test_elements_are_a_part_of_the_friction_that_takes_energy(found):
     fit = found[SLIP]["consistent"].fit
-    for joint in hysteretic_joints(fit):
+    for joint in hysteresis_ways(fit):
         own = [each for each in fit.estimates if each.name.startswith(f"{joint}.Fh@")]
         values = np.array([each.value for each in own])
         assert (values >= 0).all()

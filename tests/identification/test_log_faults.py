@@ -18,9 +18,9 @@ from loopid.findings import PAGE
 from loopid.identification import log_faults, log_timing
 from loopid.identification.data import recordings_of
 from loopid.identification.evidence import Evidence, Explanation
-from loopid.identification.log_mistakes import _clear, _Find, _finds, log_faults_by_log
+from loopid.identification.log_mistakes import _clear, _finds, log_faults_by_log
 from loopid.identification.log_timing import late_by_seconds
-from loopid.identification.mistake_kinds import KINDS
+from loopid.identification.mistake_kinds import KINDS, Find
 from loopid.kinematics import measured_coordinates
 from loopid.logs import FilterOptions, Log, LogMapping, Recording
 from loopid.motion import Motion, Noise, Waypoint, joint_motion, point_to_point, scaled_bodies
@@ -584,13 +584,13 @@ def test_a_base_that_is_not_mounted_as_the_file_has_it_is_named(mounted, gravity
 )
 def test_a_motor_with_a_small_part_of_its_force_may_have_any_bodies(size, reach, most):
     """No missing force takes all of a force away but for a part of the same shape."""
-    found = _Find("gain", (0,), after=None, evidence=0.0, size=size, reach=reach)
+    found = Find("gain", (0,), after=None, evidence=0.0, size=size, reach=reach)
     assert found.shape == most
 
 
 @pytest.mark.parametrize(("reach", "worth"), [(4.5, True), (5.5, False)])
 def test_no_size_is_named_whose_interval_is_wider_than_itself(reach, worth):
-    found = _Find("ratio", (0,), after=None, evidence=0.0, size=10.0, reach=reach)
+    found = Find("ratio", (0,), after=None, evidence=0.0, size=10.0, reach=reach)
     assert found.worth(None) == worth
 
 
@@ -617,7 +617,7 @@ def test_inertia_is_missing_where_a_motor_lacks_it(after, worth):
         Explanation(None, 0.0, None, np.array(error), *(None,) * 4)
         for error in ((32.0, 9.0), after)
     )
-    found = _Find("factor", (0, 1), after=after, evidence=4.0, size=0.004, reach=0.43)
+    found = Find("factor", (0, 1), after=after, evidence=4.0, size=0.004, reach=0.43)
     assert found.worth(before) == worth
 
 
@@ -640,7 +640,7 @@ def test_a_mistake_of_positions_mends_the_motor_that_is_explained_worst(before, 
         explains=lambda *_, **__: True,
         beside_rivals=lambda one: one,
     )
-    find = _Find("zero", (0,), after=mended, evidence=30.0, size=1.0, reach=0.1)
+    find = Find("zero", (0,), after=mended, evidence=30.0, size=1.0, reach=0.1)
     assert KINDS["zero"].assembled
     assert bool(_clear(model, [find], found, [])) == clear
 
@@ -659,7 +659,7 @@ def test_no_gain_turns_forces_that_are_explained_into_those_of_springs(
         plain._replace(error=error * plain.shape),
         plain._replace(carried=carried * plain.shape),
     )
-    assert _Find("common_gain", (0, 1), after, 0.0, 0.02, 0.005).worth(found) == worth
+    assert Find("common_gain", (0, 1), after, 0.0, 0.02, 0.005).worth(found) == worth
 
 
 def test_a_motor_that_stands_all_the_time_leaves_evidence_of_the_others(load_once):
@@ -680,7 +680,7 @@ def test_a_mistake_of_positions_shows_in_the_force_of_any_motor(load_once):
     model = Evidence(robot, [record(robot, wander(robot, 0, seconds=5.0, rate=40.0))], None)
     plain = model.weighed(model.recorded)._replace(error=np.array([0.1, 0.5]))
     after = plain._replace(error=np.array([0.11, 0.1]))
-    zero = _Find("zero", (0,), after, plain.evidence + 9.0, 0.3, 0.05).finding(model, plain)
+    zero = Find("zero", (0,), after, plain.evidence + 9.0, 0.3, 0.05).finding(model, plain)
     figures = re.search(
         r"are (\S+) % of the force of right_crank_joint instead of (\S+) %", zero.why
     )

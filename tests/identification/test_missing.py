@@ -13,8 +13,14 @@ from bank_robots import few_of
 from loopid import JointTerms
 from loopid.identification import Delay, missing
 from loopid.identification.fitting import working_fit
-from loopid.identification.lengths import Place, length_forces
-from loopid.identification.missing import _Search, _slow, _Test, missing_forces
+from loopid.identification.missing import (
+    Place,
+    _Search,
+    _slow,
+    _Test,
+    length_forces,
+    missing_forces,
+)
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
 from loopid.logs import Recording
@@ -310,6 +316,22 @@ def test_what_follows_another_motor_saves_errors_left_out(robot, model, monkeypa
     assert any(each.law == law for each in found.missing) == named
     spring = identify_unjudged(model, run(robot, LAWS["grows with position"]))
     assert any(each.law == "grows with position" for each in spring.missing)
+
+
+def test_what_saves_errors_saves_them_where_states_are_left_out_too(robot, model):
+    """Where all segments have the same states, they alone would praise whatever joins these."""
+    recording, states = run(robot), np.random.default_rng(0).normal(size=8)
+    of_each = np.arange(len(recording)) % len(states)
+    force, columns = recording.force.copy(), np.zeros((len(recording), 2, 6))
+    force[:, 0] += states[of_each]
+    columns[:, 0] = np.linspace(-1, 1, 8)[of_each, None] ** np.arange(1, 7)
+    samples = loopid.identification.samples_of(model, [replace(recording, force=force)])
+    segments, both = (
+        _Test(working_fit(replace(samples, regions=regions)), len(model.parameters)).left(columns)
+        for regions in (0 * of_each, of_each)
+    )
+    assert segments < 0.5
+    assert both > 1.0
 
 
 @pytest.mark.parametrize("seed", few_of(range(3), 0))

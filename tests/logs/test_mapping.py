@@ -10,7 +10,7 @@ from simulated_logs import table
 
 from loopid.errors import FileError, LogError
 from loopid.logs import LogMapping, read_log
-from loopid.logs.mapping import read_mapping
+from loopid.logs.mapping import mapping_of
 
 MAPPING = """
 format: csv
@@ -105,7 +105,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
             "uint: ms",
             r"unknown key 'uint' \(did you mean 'unit'\?\): choose among column, unit",
         ),
-        ("column: ticks, ", "", "time: give 'column', or both 'seconds' and 'nanoseconds'"),
+        ("column: ticks, ", "", "time: give either 'column', or both 'seconds' and 'nanoseconds'"),
         ("column: ticks", "column: ticks, seconds: s", "time: give either 'column', or"),
         ("columns: [u1", "colums: [u1", r"force: unknown key 'colums' \(did you mean 'columns'"),
         ("{columns: [u1, u2, u3, u4]}", "{stream: null}", "force: give 'stream', 'columns' or"),
@@ -175,22 +175,22 @@ def test_a_scale_may_name_some_motors_only(knee, foreign, write_mapping):
 
 
 def test_an_empty_mapping_leaves_all_to_the_names(write_mapping):
-    assert read_mapping(write_mapping("")) == LogMapping()
+    assert mapping_of(write_mapping("")) == LogMapping()
 
 
 @pytest.mark.parametrize("text", ["- position", "just words", "3", "a: b: c", "\x00", "!!x y"])
 def test_other_yaml_is_refused(knee, foreign, write_mapping, text):
     file = write_mapping(text)
-    for read in (partial(read_mapping, file), partial(read_log, foreign, knee, mapping=file)):
+    for read in (partial(mapping_of, file), partial(read_log, foreign, knee, mapping=file)):
         with pytest.raises(LogError, match=r"mapping\.yaml( is not YAML|: must hold keys|: tag)"):
             read()
 
 
 def test_missing_mappings_are_named(tmp_path):
     with pytest.raises(FileError, match=r"nowhere\.yaml does not exist"):
-        read_mapping(tmp_path / "nowhere.yaml")
+        mapping_of(tmp_path / "nowhere.yaml")
     with pytest.raises(LogError, match="is a folder"):
-        read_mapping(tmp_path)
+        mapping_of(tmp_path)
 
 
 def test_a_column_called_alike_in_two_streams_needs_its_stream(
@@ -281,6 +281,6 @@ DOCS = Path(__file__).parents[2] / "docs" / "log_files.md"
 @pytest.mark.parametrize("number", range(6))
 def test_the_examples_of_the_documentation_are_mappings(knee, write_mapping, number):
     examples = re.findall("```yaml\n(.*?)```", DOCS.read_text(), re.DOTALL)
-    mapping = read_mapping(write_mapping(examples[number]))
+    mapping = mapping_of(write_mapping(examples[number]))
     assert len(examples) == 6
     assert {"position", "force"} <= mapping.model_fields_set or mapping.wrenches

@@ -10,7 +10,7 @@ from recorded_logs import columns_of, write_hdf5, write_parquet
 from simulated_logs import EPOCH
 
 from loopid.errors import DataWarning, LogError
-from loopid.formats.hdf5 import Hdf5Format
+from loopid.formats.arrays import Hdf5Format
 from loopid.logs import LogMapping, read_log
 from loopid.logs.reading import read_streams
 
@@ -57,7 +57,7 @@ def test_dates_know_their_unit(knee, truth, columns, parquet, unit, zone):
     check(read_log(path, knee), truth)
     # Whatever unit the mapping has: these columns know better.
     mapping = LogMapping(time={"column": "time", "unit": "us"})
-    (stream,) = read_streams(path, knee.actuated, mapping)
+    (stream,) = read_streams(path, knee, mapping)
     np.testing.assert_array_equal(stream.stamps, EVEN)
 
 
@@ -76,7 +76,7 @@ def test_stamps_keep_every_nanosecond_beside_empty_cells(knee, columns, parquet,
     time = polars.Series("time_ns", cells).cast(kind)
     path = parquet({"time_ns": time} | {k: v for k, v in columns.items() if k != "time"})
     with pytest.warns(DataWarning, match="no number in time_ns in row 8 of 300: left out"):
-        (stream,) = read_streams(path, knee.actuated, LogMapping())
+        (stream,) = read_streams(path, knee, LogMapping())
     np.testing.assert_array_equal(stream.stamps, np.delete(stamps, 7))
 
 

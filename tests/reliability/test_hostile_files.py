@@ -13,7 +13,7 @@ import loopid
 from bank_robots import few_of
 from loopid.errors import LoopidError, RobotFileError
 from loopid.formats import mjcf_compiler
-from loopid.logs.mapping import read_mapping
+from loopid.logs.mapping import mapping_of
 from loopid.motion import read_motion_program
 from made_runs import ARM
 
@@ -68,7 +68,7 @@ def test_a_yaml_without_end_or_sense_is_refused(refused, content, words):
     assert words in refused("robot.yaml", content)
 
 
-@pytest.mark.parametrize("read", [read_mapping, read_motion_program])
+@pytest.mark.parametrize("read", [mapping_of, read_motion_program])
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -12,7 +12,7 @@ values of every selection that is left have the last word.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb
@@ -41,9 +41,6 @@ NONE = np.empty(0, dtype=np.int64)
 def margin(rows: int, terms: int) -> float:
     """Bound of round-off in pivots of a matrix (rows, rows) of sums of ``terms`` products."""
     return max(LEAST_MARGIN, 4 * rows * (terms + 4) * UNIT_ROUND_OFF)
-
-
-Leaves = list[tuple[tuple[int, ...], tuple[int, ...]]]  # rows taken, rows left
 
 
 @dataclass(frozen=True)
@@ -86,15 +83,14 @@ def selections_between(
     *,
     settled: tuple[IntArray, IntArray] = (NONE, NONE),
     rule: Callable[[_Node], FloatArray] = tightest,
-    leaves: Leaves | None = None,
 ) -> Iterator[IntArray]:
     """Yield the selections (k,), ascending, with all eigenvalues in a range, depth first.
 
-    Every selection contains the first of the rows ``settled`` and none of the second. ``leaves``
-    takes the rows taken and left at each leaf without a selection. OutOfBudgetError ends the walk.
+    Every selection contains the first of the rows ``settled`` and none of the second.
+    OutOfBudgetError ends the walk.
     """
     taken, left = settled
-    tree = _Tree(block, above, below, rule, leaves)
+    tree = Tree(block, above, below, rule)
     root = tree.root()
     if root and len(taken) + len(left):
         root = tree.settled(root, np.isin(root.free, taken), np.isin(root.free, left))
@@ -120,7 +116,6 @@ def one_between(
     node_limits: Iterable[float],
     *,
     settled: tuple[IntArray, IntArray] = (NONE, NONE),
-    leaves: Leaves | None = None,
 ) -> IntArray | None:
     """A selection (k,) as ``selections_between`` yields them, None if there is none.
 
@@ -128,33 +123,25 @@ def one_between(
     """
     for most, rule in ((nodes, rule) for nodes in node_limits for rule in RULES):
         part = budget.part(most)
-        walk = selections_between(block, *box, part, settled=settled, rule=rule, leaves=leaves)
+        walk = selections_between(block, *box, part, settled=settled, rule=rule)
         try:
             return next(walk, None)
         except OutOfBudgetError:
             budget.check()
-            if leaves is not None:
-                leaves.clear()
         finally:
             budget.add(part)
     raise OutOfBudgetError
 
 
-class _Tree:
-    """The rules of one box, and the leaves that they end in."""
+class Tree:
+    """The rules of one box."""
 
     def __init__(
-        self,
-        block: Block,
-        above: float,
-        below: float,
-        rule: Callable[[_Node], FloatArray],
-        leaves: Leaves | None,
+        self, block: Block, above: float, below: float, rule: Callable[[_Node], FloatArray]
     ) -> None:
         self.block, self.above, self.below, self.rule = block, above, below, rule
         self.zero = margin(block.count, block.count)
         self.leave_zero = margin(block.size - block.count, block.size)
-        self._leaves = leaves
 
     def root(self) -> _Node | None:
         """Nothing settled; None where no selection reaches the threshold."""
@@ -162,7 +149,6 @@ class _Tree:
         U, values = block.svd
         # Singular values are known to an absolute error, so small levels need but a small shift.
         if values[-1] <= np.sqrt(t) - zero:
-            self._close((), ())
             return None
         squares = values**2
         level = min(t - 2 * zero * np.sqrt(t), (1 - NEAR_LIMIT) * squares[-1])
@@ -179,13 +165,12 @@ class _Tree:
     def settled(self, node: _Node, taken: BoolArray, left: BoolArray) -> _Node | None:
         """The node with some of the free rows taken and some left; None where that is ruled out."""
         kept, taking, leaving = np.flatnonzero(~(taken | left)), *map(np.flatnonzero, (taken, left))
-        more = np.concatenate([node.taken, node.free[taking]])
-        fewer = np.concatenate([node.left, node.free[leaving]])
         takes = [_eliminated(matrix, taking, kept, self.zero) for matrix in node.takes]
         leave = _eliminated(node.leave, leaving, kept, self.leave_zero)
         if leave is None or any(matrix is None for matrix in takes):
-            self._close(more, fewer)
             return None
+        more = np.concatenate([node.taken, node.free[taking]])
+        fewer = np.concatenate([node.left, node.free[leaving]])
         return _Node(node.free[kept], more, fewer, tuple(m for m in takes if m is not None), leave)
 
     def forced(self, node: _Node | None) -> _Node | None:
@@ -194,22 +179,17 @@ class _Tree:
             to_take = self.block.count - len(node.taken)
             places = (to_take, len(node.free) - to_take)
             if min(places) < 0:
-                self._close(node.taken, node.left)
                 return None
-            takeable, leavable, apart, together = self._options(node, places)
+            takeable, leavable = self.options(node, places)
             if (takeable & leavable).all():
                 return node
-            if self._leaves is not None:
-                self._close_options(node, takeable, leavable, apart, together)
             if not (takeable | leavable).all():
                 return None
             node = self.settled(node, ~leavable, ~takeable)
         return None
 
-    def _options(
-        self, node: _Node, places: tuple[int, int]
-    ) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
-        """Which free rows can be taken, which left; which two not both taken, which not both left.
+    def options(self, node: _Node, places: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
+        """Which free rows can be taken, and which left.
 
         Taking a row leaves those in conflict: there must be places for them, and none among
         themselves.
@@ -218,14 +198,17 @@ class _Tree:
         takeable &= places[0] > 0
         leavable = (node.leave.diagonal() > self.leave_zero) & (places[1] > 0)
         if not (takeable & leavable).all():
-            nothing = np.zeros_like(node.leave, dtype=np.bool_)
-            return takeable, leavable, nothing, nothing
-        apart = np.any([_conflicts(matrix, self.zero) for matrix in node.takes], axis=0)
-        together = _conflicts(node.leave, self.leave_zero)
+            return takeable, leavable
+        apart, together = self.conflicts(node)
         if apart.any() or together.any():
             takeable = (apart.sum(axis=1) <= places[1]) & ~_triangles(apart, together)
             leavable = (together.sum(axis=1) <= places[0]) & ~_triangles(together, apart)
-        return takeable, leavable, apart, together
+        return takeable, leavable
+
+    def conflicts(self, node: _Node) -> tuple[BoolArray, BoolArray]:
+        """Which two free rows cannot both be taken, and which not both left; each may be alone."""
+        apart = np.any([_conflicts(matrix, self.zero) for matrix in node.takes], axis=0)
+        return apart, _conflicts(node.leave, self.leave_zero)
 
     def branches(self, node: _Node) -> list[_Node | None]:
         """Branch on the first row by the rule; the roomier option comes last."""
@@ -237,57 +220,19 @@ class _Tree:
 
     def listed(self, node: _Node) -> Iterator[IntArray]:
         """The selections that agree with a node, those in the box."""
+        chosen = self.agreeing(node)
+        values = np.linalg.svd(self.block.vectors[chosen], compute_uv=False) ** 2
+        inside = (values[:, -1] > self.above) & (values[:, 0] < self.below)
+        yield from chosen[inside]
+
+    def agreeing(self, node: _Node) -> IntArray:
+        """The selections (c, k) that agree with a node."""
         more = self.block.count - len(node.taken)
         subsets = list(combinations(node.free, more))
         rest = np.array(subsets, dtype=np.int64).reshape(len(subsets), more)
         chosen = np.concatenate([np.tile(node.taken, (len(rest), 1)), rest], axis=1)
         chosen.sort(axis=1)
-        values = np.linalg.svd(self.block.vectors[chosen], compute_uv=False) ** 2
-        inside = (values[:, -1] > self.above) & (values[:, 0] < self.below)
-        if self._leaves is not None:
-            for outside in chosen[~inside]:
-                self._close(outside, np.setdiff1d(np.arange(self.block.size), outside))
-        yield from chosen[inside]
-
-    def _close(self, taken: Sequence[int] | IntArray, left: Sequence[int] | IntArray) -> None:
-        """Note a leaf without a selection."""
-        if self._leaves is not None:
-            self._leaves.append((tuple(map(int, taken)), tuple(map(int, left))))
-
-    def _close_options(
-        self,
-        node: _Node,
-        takeable: BoolArray,
-        leavable: BoolArray,
-        apart: BoolArray,
-        together: BoolArray,
-    ) -> None:
-        """Note the leaves of the options that rows do not have, one row after another."""
-        sides: tuple[list[int], list[int]] = (node.taken.tolist(), node.left.tolist())
-        ruled_out = ((~takeable, apart), (~leavable, together))
-        for place in np.flatnonzero(~(takeable & leavable)):
-            row = int(node.free[place])
-            for side, (impossible, conflicts) in enumerate(ruled_out):
-                if impossible[place]:
-                    neighbours = node.free[conflicts[place]].tolist()
-                    self._close_option(row, neighbours, sides, side)
-            if not (takeable[place] or leavable[place]):
-                return
-            sides[0 if takeable[place] else 1].append(row)
-
-    def _close_option(
-        self, row: int, neighbours: list[int], sides: tuple[list[int], list[int]], side: int
-    ) -> None:
-        """Leaves of a row on a side: with each of its neighbours, and with none of them."""
-        own, other = [*sides[side], row], list(sides[1 - side])
-        for neighbour in neighbours:
-            if neighbour in own:
-                break
-            if neighbour not in other:
-                both = [*own, neighbour]
-                self._close(*((both, other) if side == 0 else (other, both)))
-                other.append(neighbour)
-        self._close(*((own, other) if side == 0 else (other, own)))
+        return chosen
 
 
 def _triangles(sides: BoolArray, base: BoolArray) -> BoolArray:

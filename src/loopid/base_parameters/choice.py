@@ -187,20 +187,6 @@ def largest_over_least(values: FloatArray) -> FloatArray:
     return ratio
 
 
-@record
-class Exclusion:
-    """A box of eigenvalues that no selection of a block lies in, and the tree that shows it."""
-
-    block: int  # which block of the problem
-    vectors: FloatArray  # (m, k), k rows of which are to be selected
-    # No selection has all eigenvalues of X_S X_Sᵀ in this open range
-    above: float
-    below: float
-    # For each leaf the rows taken and the rows left out there. Every selection agrees with exactly
-    # one leaf
-    leaves: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
-
-
 @record(checked="outside")
 class SearchResult:
     """What a search found.
@@ -231,8 +217,6 @@ class SearchResult:
     tolerance : float
         Relative; see ``certified``.
     seconds : float
-    proof : tuple of Exclusion
-        With ``ExactSearch(proof=True)``.
     subgroups : SubgroupAccount or None
         What a subgroup search tried.
     options : SearchOptions
@@ -260,7 +244,6 @@ class SearchResult:
     tolerance: float = SearchOptions.tolerance
     reason: str = ""
     seconds: float = field(default=0.0, compare=False)
-    proof: tuple[Exclusion, ...] = ()
     subgroups: SubgroupAccount | None = None
     options: SearchOptions = SearchOptions()
 

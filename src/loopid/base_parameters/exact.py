@@ -28,12 +28,11 @@ from loopid.base_parameters.blocks import (
     split,
     walked,
 )
-from loopid.base_parameters.branch_and_bound import Leaves, margin, one_between, selections_between
+from loopid.base_parameters.branch_and_bound import margin, one_between, selections_between
 from loopid.base_parameters.choice import (
     MOST_TOLERANCE,
     NO_COLUMNS,
     ChoiceProblem,
-    Exclusion,
     Readability,
     SearchOptions,
     SearchResult,
@@ -58,15 +57,12 @@ class ExactSearch(SearchStrategy):
     Parameters
     ----------
     options : SearchOptions
-    proof : bool
-        Whether the result keeps the proof, as ``SearchResult.proof``.
 
     Examples
     --------
     >>> import loopid
     >>> observation = loopid.regressors.structural_observation(loopid.load("four_bar"))
-    >>> proven = loopid.base_parameters.ExactSearch(proof=True)
-    >>> base = loopid.base_parameters.find_base(observation, proven)
+    >>> base = loopid.base_parameters.find_base(observation, loopid.base_parameters.ExactSearch())
     >>> base.search.certified, base.search.gap
     (True, 1.0)
     """
@@ -74,12 +70,11 @@ class ExactSearch(SearchStrategy):
     name: ClassVar[str] = "exact"
 
     options: SearchOptions = SearchOptions()
-    proof: bool = False
 
     def _search(self, problem: ChoiceProblem) -> SearchResult:
         budget = Budget(thread_time() + self.options.time_limit)
         blocks, apart = split(problem)
-        interval = _Interval(problem, blocks, apart, budget, self)
+        interval = _Interval(problem, blocks, apart, budget, self.options)
         ties, reason = None, "round-off"
         dependent = _joint_dependent(blocks, interval.best)
         if interval.tolerance <= MOST_TOLERANCE:
@@ -100,7 +95,6 @@ class ExactSearch(SearchStrategy):
             ties=ties,
             tolerance=interval.tolerance,
             reason=reason,
-            proof=tuple(interval.proof),
         )
 
 
@@ -113,11 +107,9 @@ class _Interval:
         blocks: Sequence[Block],
         apart: float,
         budget: Budget,
-        search: ExactSearch,
+        options: SearchOptions,
     ) -> None:
-        self.blocks, self.budget = blocks, budget
-        self.options, self.keep = search.options, search.proof
-        self.proof: list[Exclusion] = []
+        self.blocks, self.budget, self.options = blocks, budget, options
         least_largest = max(block.least_largest for block in blocks)
         self.best = [good_selection(block, budget) for block in blocks]
         self._known = [
@@ -248,14 +240,9 @@ class _Interval:
         known = [own for own, levels in self._known[b] if levels.inside(above, below)]
         if known:
             return known[-1]
-        block, leaves = self.blocks[b], Leaves() if self.keep else None
         nodes = self.options.nodes * MORE_NODES**attempt
-        own = one_between(block, (above, below), self.budget, [nodes], leaves=leaves)
-        if own is not None:
-            return self._polished(b, own, below)
-        if leaves is not None:
-            self.proof.append(Exclusion(b, block.vectors, above, below, tuple(leaves)))
-        return None
+        own = one_between(self.blocks[b], (above, below), self.budget, [nodes])
+        return None if own is None else self._polished(b, own, below)
 
     def _polished(self, b: int, selection: IntArray, below: float) -> IntArray:
         """The selection after swaps that raise its smallest eigenvalue, if it stays below."""

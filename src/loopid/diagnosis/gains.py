@@ -263,12 +263,15 @@ def motor_scales(
     With some parameters (k,) of the load known, NaN for the others. A scale below 0 is refused.
     """
     chosen, names = chosen_estimator(estimator), np.array(runs.robot.actuators, dtype=object)
-    driven = ~np.isin(names, runs.force_model.robot.free)
-    everything = _Rows.of(runs, known)
-    telling = everything.telling(driven, chosen)
+    driven, free = ~np.isin(names, runs.force_model.robot.free), np.isnan(known)
+    added = ParameterSet.of_links(["load"], np.array(runs.kinds)[free].tolist())
+    given = runs.carried[:, :, ~free] @ known[~free]
+    every = excited_combinations(runs.robot.beside(added, runs.carried[:, :, free]))
+    telling = _telling(every, given, driven, chosen)
     while telling.any():
-        rows = everything.without(driven & ~telling)
-        scales, last = _converged(rows, telling, chosen)
+        kept = every.used & (telling | ~driven)
+        rows = excited_combinations(replace(every, used=kept))
+        scales, last = _converged(rows, given, telling, chosen)
         m = int(telling.sum())
         found = scales[telling]
         part = np.ptp(last.intervals()[-m:], axis=1) / 2 / np.abs(found)
@@ -289,67 +292,53 @@ def motor_scales(
     return MotorNumbers(tuple(names[telling].tolist()), found, covariance, freedom, undetermined)
 
 
-def _converged(rows: _Rows, telling: BoolArray, estimator: Estimator) -> tuple[FloatArray, Fit]:
+# What is logged is s ∘ (X φ + given): X the regressor of samples, φ what is not known of robot and
+# load, and given forces (N, dof) of what is.
+
+
+def _about(
+    samples: FitSamples,
+    given: FloatArray,
+    values: FloatArray,
+    scales: FloatArray,
+    telling: BoolArray,
+) -> FitSamples:
+    """Linear in the parameters and, after them, the scales of motors that determine theirs."""
+    rigid = samples.predicted(values) + given
+    # c = s₀ (X φ + given) + (s - s₀) (X φ₀ + given)
+    target = samples.force + scales * (np.where(telling, rigid, 0.0) - given)
+    columns = rigid[:, :, None] * np.eye(len(scales))[:, telling]
+    names = np.array(samples.actuators, dtype=object)[telling].tolist()
+    scaled = replace(samples, regressor=scales[:, None] * samples.regressor)
+    return scaled.with_force(target).beside(ParameterSet.of_links(names, ["scale"]), columns)
+
+
+def _telling(
+    samples: FitSamples, given: FloatArray, driven: BoolArray, estimator: Estimator
+) -> BoolArray:
+    """Motors (dof,) whose scales change the forces as nothing else does."""
+    values, count = estimator.fit_samples(samples.less(given)).result.values, int(driven.sum())
+    problem = _about(samples, given, values, np.ones(len(driven)), driven).problem
+    R = problem.weighted(problem.force_weights)[:-1, :-1][:, -count:]
+    sizes = np.linalg.norm(R, axis=0)
+    _, spectrum, right = np.linalg.svd(R[-count:] / np.where(sizes > 0, sizes, 1.0))
+    found, hidden = np.array(driven), right[spectrum < LEAST_EXCITATION]
+    found[driven] = np.linalg.norm(hidden, axis=0) < INVOLVED
+    return found
+
+
+def _converged(
+    samples: FitSamples, given: FloatArray, telling: BoolArray, estimator: Estimator
+) -> tuple[FloatArray, Fit]:
     """Scales (dof,) after steps until these change nothing, and the fit of a further one."""
-    values = estimator.fit_samples(rows.unscaled).result.values
+    values = estimator.fit_samples(samples.less(given)).result.values
     scales, n = np.ones(len(telling)), len(values)
     for _ in range(MOST_STEPS):
-        found = estimator.fit_samples(rows.about(values, scales, telling)).result.values
+        rows = _about(samples, given, values, scales, telling)
+        found = estimator.fit_samples(rows).result.values
         change = float(np.abs(found[n:] / scales[telling] - 1).max())
         values, scales = found[:n], np.array(scales)
         scales[telling] = found[n:]
         if change <= CONVERGED:
             break
-    return scales, quiet_fit(rows.about(values, scales, telling), estimator)
-
-
-@record
-class _Rows:
-    """Samples of the unknown parameters of robot and load, and known forces (N, dof) beside them.
-
-    What is logged is s ∘ (X φ + known), X the regressor of the samples.
-    """
-
-    samples: FitSamples
-    known: FloatArray
-
-    @classmethod
-    def of(cls, runs: LoadedRuns, known: FloatArray) -> _Rows:
-        """Of all runs, with some parameters (k,) of the load known."""
-        free = np.isnan(known)
-        added = ParameterSet.of_links(["load"], np.array(runs.kinds)[free].tolist())
-        samples = runs.robot.beside(added, runs.carried[:, :, free])
-        return cls(excited_combinations(samples), runs.carried[:, :, ~free] @ known[~free])
-
-    def without(self, motors: BoolArray) -> _Rows:
-        """Without the rows of some motors (dof,)."""
-        kept = replace(self.samples, used=self.samples.used & ~motors)
-        return replace(self, samples=excited_combinations(kept))
-
-    def telling(self, driven: BoolArray, estimator: Estimator) -> BoolArray:
-        """Motors (dof,) whose scales change the forces as nothing else does."""
-        values = estimator.fit_samples(self.unscaled).result.values
-        found, problem = np.array(driven), self.about(values, np.ones(len(driven)), driven).problem
-        count = int(driven.sum())
-        R = problem.weighted(problem.force_weights)[:-1, :-1][:, -count:]
-        sizes = np.linalg.norm(R, axis=0)
-        _, spectrum, right = np.linalg.svd(R[-count:] / np.where(sizes > 0, sizes, 1.0))
-        hidden = right[spectrum < LEAST_EXCITATION]
-        found[driven] = np.linalg.norm(hidden, axis=0) < INVOLVED
-        return found
-
-    @property
-    def unscaled(self) -> FitSamples:
-        """At scales of 1."""
-        return self.samples.less(self.known)
-
-    def about(self, values: FloatArray, scales: FloatArray, telling: BoolArray) -> FitSamples:
-        """Linear in the parameters and, after them, the scales of motors that determine theirs."""
-        rigid = self.samples.predicted(values) + self.known
-        # c = s₀ (X φ + known) + (s - s₀) (X φ₀ + known)
-        target = self.samples.force + scales * (np.where(telling, rigid, 0.0) - self.known)
-        columns = rigid[:, :, None] * np.eye(len(scales))[:, telling]
-        names = np.array(self.samples.actuators, dtype=object)[telling].tolist()
-        scaled = replace(self.samples, regressor=scales[:, None] * self.samples.regressor)
-        added = ParameterSet.of_links(names, ["scale"])
-        return scaled.with_force(target).beside(added, columns)
+    return scales, quiet_fit(_about(samples, given, values, scales, telling), estimator)

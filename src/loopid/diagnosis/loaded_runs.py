@@ -58,7 +58,7 @@ class LoadedRuns:
         scales = tuple(
             {} if run.log is None else run.log.force_scales for run in (*runs[0], *runs[1])
         )
-        _columns(force_model, link)
+        payload_columns(force_model, link)
         require_no_repetition([run for each in runs for run in each])
         found = in_time(force_model, runs)
         for each in (found.delay, found.cutoff):
@@ -77,7 +77,7 @@ class LoadedRuns:
         if force_model.automatic and estimator == "wls":
             force_model, light, solid = with_friction(force_model, light, runs[0], whole)
             noise = solid.result.require_noise()
-        columns, parts = _columns(force_model, link), []
+        columns, parts = payload_columns(force_model, link), []
         for run in runs[1]:
             states = run.motion.configurations, run.motion.velocities, run.motion.accelerations
             parts += [
@@ -111,13 +111,8 @@ class LoadedRuns:
         none = np.zeros((len(self.unloaded), *self.load.shape[1:]))
         return np.concatenate([none, self.load])
 
-    @property
-    def random_load(self) -> FloatArray:
-        """As ``load``, (M, dof, k) in random states of the robot."""
-        return self.force_model.random_regressor[:, :, _columns(self.force_model, self.link)]
 
-
-def _columns(force_model: ForceModel, link: str) -> list[int]:
+def payload_columns(force_model: ForceModel, link: str) -> list[int]:
     """Columns of a body among the p standard parameters."""
     parameters = force_model.base.parameters
     columns = [j for j, p in enumerate(parameters) if p.link == link and p.kind in KINDS]

@@ -11,7 +11,7 @@ from scipy.special import fdtrc, stdtrit
 from loopid.arguments import FloatArray, checked, frozen
 from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.diagnosis.gains import MotorNumbers, motor_scales
-from loopid.diagnosis.loaded_runs import LoadedRuns
+from loopid.diagnosis.loaded_runs import LoadedRuns, payload_columns
 from loopid.errors import DataError, RankError
 from loopid.findings import FALSE_ALARM, Finding
 from loopid.identification.consistent import (
@@ -301,7 +301,8 @@ def identify_payload(
 
 def _payload_parameters(runs: LoadedRuns) -> BaseParameters:
     """Identifiable combinations of a payload's parameters, in random states."""
-    regressor, robot = runs.random_load, runs.force_model.robot
+    model, robot = runs.force_model, runs.force_model.robot
+    regressor = model.random_regressor[:, :, payload_columns(model, runs.link)]
     if not regressor.any():
         raise RankError(f"no force of a motor depends on a payload on {runs.link}")
     names = ParameterSet.of_links([PAYLOAD], runs.kinds)

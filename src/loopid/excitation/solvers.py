@@ -6,6 +6,8 @@ the best feasible point that was seen.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from loopid.arguments import FloatArray
@@ -60,12 +62,31 @@ def by_slsqp(search: Search, start: FloatArray) -> None:
 
 
 def by_ipopt(search: Search, start: FloatArray) -> None:
-    """The interior-point method of IPOPT [Waechter2006]."""
+    """The interior-point method of IPOPT [Waechter2006]: NaN stands for what is out of reach."""
     with optional("ipyopt", "excite"):
         import ipyopt
-    callbacks, N = _Callbacks(search), len(search.problem.time)
-    lower, upper = (np.tile(end[search.watched], N) for end in search.problem.limits)
+    watched, N, reason = search.watched, len(search.problem.time), list[BaseException]()
+    lower, upper = (np.tile(end[watched], N) for end in search.problem.limits)
     n, m = len(start), len(lower)
+
+    def value(y: FloatArray, slopes: bool = False) -> Value | None:
+        try:
+            return None if reason else search.value(np.array(y), slopes)
+        except BaseException as error:  # IPOPT would lose it: it is raised at the end
+            reason.append(error)
+            return None
+
+    def criterion(y: FloatArray) -> float:
+        found = value(y)
+        return np.nan if found is None else found.f
+
+    def writing(part: Callable[[Value], FloatArray], slopes: bool) -> Callable[..., None]:
+        def write(y: FloatArray, out: FloatArray) -> None:
+            found = value(y, slopes)
+            out[...] = np.nan if found is None else part(found)
+
+        return write
+
     problem = ipyopt.Problem(
         n,
         np.full(n, -INFINITE),
@@ -75,11 +96,11 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
         np.minimum(upper, INFINITE),
         np.divmod(np.arange(m * n), n),  # rows and columns of the Jacobian, which is dense
         (np.array([], int), np.array([], int)),
-        callbacks.criterion,
-        callbacks.slope,
-        callbacks.bounded,
-        callbacks.slopes,
-        intermediate_callback=lambda *_: callbacks.reason is None,
+        criterion,
+        writing(lambda found: found.df, True),
+        writing(lambda found: found.g[:, watched].ravel(), False),
+        writing(lambda found: found.dg.reshape(N, -1, n)[:, watched].ravel(), True),
+        intermediate_callback=lambda *_: not reason,
         ipopt_options={
             "print_level": 0,
             "sb": "yes",
@@ -91,37 +112,5 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
         },
     )
     problem.solve(start)
-    if callbacks.reason is not None:
-        raise callbacks.reason
-
-
-class _Callbacks:
-    """What IPOPT evaluates: NaN out of reach, and everywhere once there is a reason to end."""
-
-    def __init__(self, search: Search) -> None:
-        self.search, self.watched = search, search.watched
-        self.reason: BaseException | None = None
-
-    def value(self, y: FloatArray, slopes: bool) -> Value | None:
-        try:
-            return None if self.reason else self.search.value(np.array(y), slopes)
-        except BaseException as reason:  # IPOPT would lose it: it is raised at the end
-            self.reason = reason
-            return None
-
-    def criterion(self, y: FloatArray) -> float:
-        value = self.value(y, slopes=False)
-        return np.nan if value is None else value.f
-
-    def slope(self, y: FloatArray, out: FloatArray) -> None:
-        value = self.value(y, slopes=True)
-        out[...] = np.nan if value is None else value.df
-
-    def bounded(self, y: FloatArray, out: FloatArray) -> None:
-        value = self.value(y, slopes=False)
-        out[...] = np.nan if value is None else value.g[:, self.watched].ravel()
-
-    def slopes(self, y: FloatArray, out: FloatArray) -> None:
-        value = self.value(y, slopes=True)
-        shape = len(self.search.problem.time), len(self.watched), len(y)
-        out[...] = np.nan if value is None else value.dg.reshape(shape)[:, self.watched].ravel()
+    if reason:
+        raise reason[0]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -19,7 +19,6 @@ import pinocchio as pin
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
-from loopid.export.elimination import eliminate, solve
 from loopid.identification.force_models import ForceModel
 from loopid.kinematics.projection import partition
 from loopid.numbers import ROUND_OFF
@@ -59,8 +58,8 @@ class SymbolicRobot:
         # What carries both frames of a closure does not open it.
         units = self.robot.moving * self.robot.coordinate_scales
         self.jacobian = ca.sparsify(ca.jacobian(self.residual, self.q) @ self.rates * units)
-        self.reflections = eliminate(self.jacobian[:, self.dependent])
-        self.factors = ca.SX.sym("factors", sum(len(each.factors) for each in self.reflections))
+        self.elimination = Elimination.of(self.jacobian[:, self.dependent])
+        self.factors = ca.SX.sym("factors", self.elimination.factors.shape[0])
 
     def functions(self, prefix: str) -> dict[str, ca.Function]:
         """All that C calls, named ``<prefix>_...`` there."""
@@ -130,14 +129,12 @@ class SymbolicRobot:
         lengths. The last is the least pivot over the largest. It is small where the motors lose
         control of the motion.
         """
-        X = solve(self.reflections, ca.horzcat(self.jacobian[:, self.chosen], self.residual))
+        X = self.elimination.solve(ca.horzcat(self.jacobian[:, self.chosen], self.residual))
         units, step = self.scales[self.dependent, 0], X[:, -1]
-        G = -ca.diag(units) @ X[:, :-1] @ ca.diag(1 / self.scales[self.chosen, 0])
-        factors = [number for each in self.reflections for number in each.factors]
-        pivots = [ca.fabs(each.pivot[0]) for each in self.reflections] or [ca.SX(1)]
-        ratio = ca.mmin(ca.vertcat(*pivots)) / ca.mmax(ca.vertcat(*pivots))
-        measures = ca.vertcat(_norm(self.residual), _norm(step), ratio)
-        return [G, ca.vertcat(*factors), self._moved(-units * step), measures]
+        G = ca.densify(-ca.diag(units) @ X[:, :-1] @ ca.diag(1 / self.scales[self.chosen, 0]))
+        pivots = ca.fabs(ca.vertcat(*self.elimination.pivots or [ca.SX(1)]))
+        measures = ca.vertcat(_norm(self.residual), _norm(step), ca.mmin(pivots) / ca.mmax(pivots))
+        return [G, self.elimination.factors, self._moved(-units * step), measures]
 
     def _moved(self, step: Any) -> Any:
         """Positions (nq,) after a small step (dependent,), with unit vectors as long as that."""
@@ -219,10 +216,9 @@ class SymbolicRobot:
 
     def _drift_acceleration(self, v: Any) -> Any:
         """γ (dependent,) at velocities (nv,): A γ = -Ȧ v."""
-        rate, numbers = self.rates @ v, iter(ca.vertsplit(self.factors))
+        rate, known = self.rates @ v, self.elimination.with_factors(self.factors)
         drift = ca.jtimes(ca.jtimes(self.residual, self.q, rate), self.q, rate)
-        known = [each.with_factors(numbers) for each in self.reflections]
-        return -self.scales[self.dependent, 0] * solve(known, drift)
+        return -self.scales[self.dependent, 0] * known.solve(drift)
 
     def _tree_force(self, chain: Sequence[Link]) -> Any:
         """Forces (nv,) that move the bodies of the tree."""
@@ -303,6 +299,56 @@ class SymbolicRobot:
             mount = model.jointPlacements[index]
             chain.append(_carried(chain[parent], (parent, rows), mount, part, v[rows], a[rows]))
         return chain
+
+
+class Elimination(NamedTuple):
+    """A = Q R of a matrix (rows, n) with at least n rows, as code without branch and pivoting.
+
+    Householder reflections are backward stable in any order [Higham2002, ch. 19]. So CasADi's order
+    follows the zeros of A alone, which do not depend on the pose.
+    """
+
+    mirrors: Any  # (rows, n), a vector v of each reflection I - b v vᵀ
+    R: Any  # (rows, n)
+    b: Any  # (n, 1)
+    rows: list[int]  # places of the rows of A and of its columns
+    columns: list[int]
+
+    @classmethod
+    def of(cls, A: Any) -> Elimination:
+        """Factor a matrix."""
+        return cls(*ca.qr_sparse(A))
+
+    @property
+    def pivots(self) -> list[Any]:
+        """The diagonal of R."""
+        return [self.R[k, k] for k in range(len(self.columns))]
+
+    @property
+    def factors(self) -> Any:
+        """All numbers as one vector."""
+        return ca.vertcat(*(ca.SX(part).nz[:] for part in self[:3]))
+
+    def with_factors(self, numbers: Any) -> Elimination:
+        """The same of other numbers."""
+        new, first = dict[str, Any](), 0
+        for name, part in zip(self._fields, self[:3], strict=False):
+            own = numbers[first : first + part.nnz()]
+            new[name] = ca.SX(part.sparsity(), own)
+            first += part.nnz()
+        return self._replace(**new)
+
+    def solve(self, B: Any) -> Any:
+        """The least-squares solution X (n, c) for right-hand sides B (rows, c)."""
+        n = len(self.columns)
+        Q_B, X = ca.SX(self.mirrors.shape[0], B.shape[1]), ca.SX(n, B.shape[1])
+        Q_B[self.rows[: B.shape[0]], :] = B
+        for k in range(n):
+            mirror = self.mirrors[:, k]
+            Q_B -= mirror @ (self.b[k] * (mirror.T @ Q_B))
+        for k in reversed(range(n)):
+            X[k, :] = (Q_B[k, :] - self.R[k, k + 1 :] @ X[k + 1 :, :]) / self.R[k, k]
+        return X[[self.columns.index(k) for k in range(n)], :]
 
 
 def c_of(functions: Mapping[str, ca.Function], name: str) -> str:

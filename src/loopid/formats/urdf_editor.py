@@ -1,19 +1,19 @@
-"""A URDF with other inertials and joint terms; tags, comments, order and encoding stay."""
+"""A URDF with other inertials and friction; tags, comments, order and encoding stay."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from lxml import etree
 
-from loopid.arguments import FloatArray, number
+from loopid.arguments import FloatArray
 from loopid.inertia import Inertial, written
-from loopid.loading.urdf import COEFFICIENTS, ROTORS, read_urdf
+from loopid.loading.urdf import read_urdf
 from loopid.loading.urdf_tree import MOMENTS, read_urdf_file
-from loopid.loading.xml_elements import Element, inner_tags, local_name, read_xml
+from loopid.loading.xml_elements import Element, local_name, read_xml
 
 # Attributes of <dynamics> that every URDF has a place for.
 DYNAMICS = {"Fv": "damping", "Fc": "friction"}
@@ -45,7 +45,6 @@ class UrdfEditor:
         content = self.path.read_bytes()
         if not (inertials or terms):
             return content
-        own = self.joint_terms(content) if terms else {}
         root = read_xml(self.path, whole=True)
         tree = root.getroottree()
         space = etree.QName(root).namespace  # simulators declare a default one
@@ -54,7 +53,7 @@ class UrdfEditor:
             if etree.QName(element).namespace != space:
                 continue
             if local_name(element) == "joint" and name in terms:
-                _edit_joint(root, element, terms[name], own.get(name, {}))
+                _edit_joint(element, terms[name])
             elif local_name(element) == "link" and name in inertials:
                 old = self.inertials[name]
                 _edit_inertial(element, old, Inertial.of(inertials[name], old.axes))
@@ -82,59 +81,12 @@ def _child(element: Element, tag: str) -> Element:
     return next(element.iterchildren(f"{{*}}{tag}"))
 
 
-def _edit_joint(
-    root: Element, joint: Element, terms: Mapping[str, float], own: Mapping[str, float]
-) -> None:
-    """Write terms of a joint into all tags that say them; ``own`` are those of the file."""
-    values, places = dict(terms), list(_places(root, joint))
-    said = {COEFFICIENTS[key] for _, key in places}
-    if values.get("Ks"):
-        values["slack"] = -values.get("Fo", 0.0) / values["Ks"]
-        if values["slack"] and "slack" not in said:
-            del values["Ks"]  # slack elsewhere, it would be another spring
-    rotors = list(_rotors(root, joint))
-    if rotors and "Ia" in values and own.get("Ia"):  # they add to what the joint says itself
-        ratio = values.pop("Ia") / own["Ia"]
-        armatures = [place for place in places if COEFFICIENTS[place[1]] == "Ia"]
-        for element, key in (*rotors, *armatures):
-            _write(element, key, ratio * _read(element, key))
-    for element, key in places:
-        if (value := values.get(COEFFICIENTS[key])) is not None:
-            _write(element, key, value)
+def _edit_joint(joint: Element, terms: Mapping[str, float]) -> None:
+    """Write friction of a joint where it says some, or has some."""
     for kind, key in DYNAMICS.items():
-        if values.get(kind) and kind not in said:
-            _dynamics(joint).set(key, written(values[kind]))
-
-
-def _places(root: Element, joint: Element) -> Iterator[tuple[Element, str]]:
-    """Tags of a joint that say a coefficient, with the name of the attribute or tag."""
-    for dynamics in joint.iterchildren("{*}dynamics"):
-        yield from ((dynamics, str(key)) for key in dynamics.attrib if key in COEFFICIENTS)
-    name = joint.get("name", "").strip()
-    beside = (tag for tag in root.iterchildren("{*}gazebo") if tag.get("reference", "") == name)
-    for element in (joint, *beside):
-        yield from ((tag, local_name(tag)) for tag in inner_tags(element, COEFFICIENTS))
-
-
-def _rotors(root: Element, joint: Element) -> Iterator[tuple[Element, str]]:
-    """Tags of rotors of transmissions to this joint alone."""
-    for transmission in root.iter("{*}transmission"):
-        driven = {tag.get("name", "").strip() for tag in inner_tags(transmission, ("joint",))}
-        if driven == {joint.get("name", "").strip()}:
-            yield from ((tag, local_name(tag)) for tag in inner_tags(transmission, ROTORS))
-
-
-def _read(element: Element, key: str) -> float:
-    return number(element.get(key) or element.get("value") or element.text or "")
-
-
-def _write(element: Element, key: str, value: float) -> None:
-    """Write a number where ``_read`` finds it: an attribute of the name, a value, or a text."""
-    for name in (key, "value"):
-        if element.get(name):
-            element.set(name, written(value))
-            return
-    element.text = written(value)
+        said = any(key in tag.attrib for tag in joint.iterchildren("{*}dynamics"))
+        if kind in terms and (said or terms[kind]):
+            _dynamics(joint).set(key, written(terms[kind]))
 
 
 def _dynamics(joint: Element) -> Element:

@@ -200,6 +200,9 @@ class Evidence:
         self.sensed = sensed.shape[1]
         self.of_file = turn.T @ np.divide(bodies, sizes, out=np.zeros(p), where=sizes > 0)
         self.columns = np.column_stack([block_diag(sensed, np.diag(flat)), known])
+        # Of each column that explains, the motor whose force over position it is; -1 of others.
+        others, motors = len(self.names) + self.sensed + len(flat), range(len(self.names))
+        self._lacks = np.repeat([-1, *motors], [others, *[1 + DEGREE] * len(motors)])
         self.possible = np.sqrt(((K @ self.columns) ** 2).mean(axis=0).sum(axis=1)) + TINY
         closed = np.ones(len(self.q), dtype=bool)
         self._motions[_pose(self.recorded)[:3]] = *self._along(regressors), closed
@@ -337,9 +340,11 @@ class Evidence:
         lost = (np.log(error * gain) + square / error**2 / 2) @ self.independent
         lost += ((x**2).sum(axis=1) + np.linalg.slogdet(H)[1]) / 2
         lost[[not self._tables[_pose(one)].known for one in undone]] = inf
-        values = np.zeros((len(x), self._count))
+        values = np.zeros((len(x), len(self._lacks)))
         values[:, kept[:-2]] = x
-        bodies = z[:, None] * self._of_bodies[kept]
+        first = len(self.names)  # column of the bodies, with what is known of them
+        own = (kept >= first) & (kept < first + self.sensed) | (kept == len(self._lacks))
+        bodies = z[:, None] * own
         carried = ((products @ bodies[..., None])[..., 0] * bodies).sum(axis=2)
         carried = np.sqrt(np.maximum(carried, 0.0))
         takes = (given * power).sum(axis=2) < 0
@@ -387,24 +392,11 @@ class Evidence:
         bends = beside @ np.linalg.solve(H, beside.T) - np.diag(size)
         return measured - size, bends
 
-    @property
-    def _count(self) -> int:
-        """Of the columns that explain."""
-        return (2 + DEGREE) * len(self.names) + int(self.columns.shape[1]) - 1
-
-    @property
-    def _of_bodies(self) -> BoolArray:
-        """Which columns are of bodies (n + 2,), with the known ones and the force."""
-        columns = np.arange(self._count + 2) - len(self.names)
-        own = (columns >= 0) & (columns < self.sensed)
-        return np.asarray(own | (columns == columns[-2]))
-
     def _weights(self, missing: tuple[int, ...]) -> FloatArray:
         """What columns count for beside some rivals (n + 2,), with the known ones and the force."""
-        d, weights = len(self.names), np.ones(self._count + 2)
+        d, weights = len(self.names), np.ones(len(self._lacks) + 2)
+        weights[:-2] = (self._lacks < 0) | np.isin(self._lacks, missing)
         weights[d : d + self.sensed] = FURTHER if d in missing else 1.0
-        others = np.repeat(np.isin(np.arange(d), missing), 1 + DEGREE)
-        weights[-2 - len(others) : -2] = others
         return weights
 
     def beside_rivals(self, found: Explanation) -> Explanation:

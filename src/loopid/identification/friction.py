@@ -31,8 +31,12 @@ from loopid.identification.consistent import (
 from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
-from loopid.identification.friction_curves import friction_summary, of_friction, turning_friction
-from loopid.identification.hysteresis import RESOLVED, possible_hysteresis
+from loopid.identification.friction_curves import (
+    friction_summary,
+    hysteresis_ways,
+    of_friction,
+    turning_friction,
+)
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import MotorUse, NoiseModel, TermDeviations, fit_quality
 from loopid.identification.result import Fit
@@ -41,6 +45,7 @@ from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.regressors.joint_laws import ASYMMETRY, CURVE, LOAD, RATIO, joint_term
 from loopid.regressors.joint_terms import together
+from loopid.regressors.maxwell_slip import slip_displacements
 from loopid.workers import one_blas_thread
 
 # Percentile of the rates of a motor's samples, half of which is its slowest informative one: a
@@ -54,6 +59,9 @@ DIGITS = 2
 # Load of a motor in the root mean square, relative to its force, below which it has no load
 # friction: Coulomb friction would be taken for it.
 LEAST_LOAD = 0.1
+# Steps of an encoder below which a displacement counts as none: where the motor turned back is
+# unknown by as much.
+RESOLVED = 3.0
 # Samples of a motor for each of its terms: fewer determine no shape.
 LEAST_ROWS = 5
 # Part of a motor's friction at rest that the filter spreads into samples which show it; most
@@ -143,6 +151,37 @@ def friction_kinds(
         if used.sum() >= LEAST_ROWS * len(kinds):
             found[joint] = kinds
     return {joint: kinds for joint, kinds in found.items() if kinds}
+
+
+def possible_hysteresis(
+    force_model: ForceModel,
+    data: FitSamples,
+    recordings: Sequence[Recording],
+    weights: FloatArray,
+    joints: Sequence[str],
+) -> dict[str, tuple[str, ...]]:
+    """Elements of Maxwell slip of those motors whose friction may build up, by their kinds.
+
+    Of each of some motors beside all that the model has; ``weights`` (dof,) are one over the
+    deviations of the forces.
+    """
+    kinds = dict[str, tuple[str, ...]]()
+    for joint in joints:
+        # By the range of its motion, and the steps of its encoder.
+        span = max(float(np.ptp(way)) for each in recordings for way in each.ways(joint))
+        least = RESOLVED * max(each.step_of(joint) for each in recordings)
+        slips = [slip for slip in slip_displacements(span) if slip > least]
+        if slips:
+            kinds[joint] = tuple(f"Fh@{slip:.3g}" for slip in slips)
+    wide, beside = force_model.with_columns(kinds), Beside(data, weights)
+    W, names = wide.widened(data, recordings).regressor, list(wide.parameters)
+    found = {}
+    for joint, own in kinds.items():
+        row = data.actuators.index(joint)
+        columns = [k for k in range(len(data.parameters), len(names)) if names[k].link == joint]
+        if beside.evidence(row, W[:, row, columns]) > POSSIBLE:
+            found[joint] = own
+    return found
 
 
 def friction_at_rest(
@@ -322,4 +361,8 @@ def friction_findings(fit: Fit) -> list[tuple[str, str]]:
         if texts:
             whose = joints[0] if len(joints) == 1 else f"{len(joints)} joints"
             found.append((f"friction of {whose} {sentence}", ", ".join(texts)))
+    for joint, way in hysteresis_ways(fit).items():
+        turns = any(one.unit.startswith("N m") for one in fit.parameters if one.link == joint)
+        size = f"over {1e3 * way:.2g} {'mrad' if turns else 'mm'}"
+        found.append((f"friction of {joint} builds up after reversals", size))
     return found

@@ -1,4 +1,4 @@
-"""Friction of a fit: curves over the rate, and the line that is nearest to each.
+"""Friction of a fit: curves over the rate, and what they say of each joint.
 
 The curve is identified between the slowest and the fastest rate of the fitted samples. Below, it
 stays as it is there. Above, it goes on as the line. In both its band widens.
@@ -6,7 +6,7 @@ stays as it is there. Above, it goes on as the line. In both its band widens.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ import numpy as np
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.identification.estimates import LEAST_FREEDOM, Estimate, Estimates
-from loopid.identification.quality import MotorUse
 from loopid.parameters import KINDS
 from loopid.records import Tabular, record
 from loopid.regressors.joint_laws import (
@@ -22,10 +21,8 @@ from loopid.regressors.joint_laws import (
     ASYMMETRY,
     CURVE,
     HYSTERESIS,
-    RATIO,
     JointState,
     JointTerm,
-    grouped,
     joint_term,
     signals,
 )
@@ -33,10 +30,12 @@ from loopid.regressors.joint_laws import (
 # Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: Stribeck
 # friction of half as much more, two deviations, is not unusual.
 DOUBT = 0.25
-LINE_POINTS = 200  # rates that a line is fitted at
 # Part of a motor's largest force that friction must drive with at one speed, and brake with at
 # another.
 TURNS = 0.1
+# Part of the force that has changed sides over the identified way: of a law that falls off
+# exponentially, as Dahl's, its constant.
+TOLD = 1 - np.exp(-1)
 
 
 @record
@@ -91,16 +90,11 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc", "elbow.Fv"])
-    >>> rng = np.random.default_rng(0)
-    >>> rate = rng.normal(size=(500, 1))
-    >>> W = np.stack([np.sign(rate), rate], axis=2)
-    >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
-    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, force)
-    >>> fit = loopid.identification.fit(samples)
-    >>> curve = loopid.identification.friction_curve(fit, "elbow", np.array([-1.0, 1.0]))
+    >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
+    >>> joint, rates = "left_crank_joint", np.array([-1.0, 1.0])
+    >>> curve = loopid.identification.friction_curve(found.fit, joint, rates)
     >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
-    (array([-2.5,  2.5]), True)
+    (array([-0.1,  0.1]), True)
     """
     columns = friction_columns(fit, joint)
     if not columns:
@@ -135,12 +129,9 @@ class FrictionSummary(Tabular):
     standstill: tuple[Estimate | None, ...]
     load: tuple[Estimate | None, ...]
 
-    def _table(self) -> list[dict[str, Any]]:
-        return [
-            {"joint": joint}
-            | {name: getattr(own[k], "value", None) for name, own in self.parts.items()}
-            for k, joint in enumerate(self.joints)
-        ]
+    def _table(self) -> dict[str, Any]:
+        values = ([each and each.value for each in own] for own in self.parts.values())
+        return {"joint": self.joints, **dict(zip(self.parts, values, strict=True))}
 
     @property
     def parts(self) -> dict[str, tuple[Estimate | None, ...]]:
@@ -204,8 +195,7 @@ def friction_at_ends(fit: Estimates, joint: str) -> tuple[FloatArray, FloatArray
     assert fit.use is not None
     rates, largest = np.array(fit.use.of(joint)), fit.use.largest[fit.use.joints.index(joint)]
     columns = friction_columns(fit, joint)
-    both = [_laws(fit, joint, way * rates) for way in (1.0, -1.0)]
-    laws = (both[0] - both[1]) / 2
+    laws = (_laws(fit, joint, rates) - _laws(fit, joint, -rates)) / 2
     variance = np.sum(laws @ fit.covariance[np.ix_(columns, columns)] * laws, axis=1)
     if {*fit.parameters.select(columns).names} & {*fit.assumed}:
         variance = np.full(len(laws), np.inf)
@@ -294,11 +284,6 @@ def load_columns(fit: Estimates, joint: str) -> list[int]:
     return _columns(fit, joint, lambda kind: kind == "Ft")
 
 
-def hysteresis_columns(fit: Estimates, joint: str) -> list[int]:
-    """Columns of a joint's elements of Maxwell slip, by which its friction builds up."""
-    return _columns(fit, joint, lambda k: k not in KINDS and joint_term(k).prior == HYSTERESIS)
-
-
 def _columns(fit: Estimates, joint: str, chosen: Callable[[str], bool]) -> list[int]:
     """Columns of a joint of the kinds that are chosen."""
     names = enumerate(fit.parameters)
@@ -310,77 +295,19 @@ def of_friction(kind: str) -> bool:
     return kind not in KINDS and joint_term(kind).friction
 
 
-@record
-class FrictionLine:
-    """Coulomb and viscous friction that is nearest to a curve, for what knows no other.
+def hysteresis_ways(fit: Estimates) -> dict[str, float]:
+    """Displacements in m or rad over which friction builds up, of each joint whose friction does.
 
-    Attributes
-    ----------
-    joint : str
-    coulomb, viscous : float
-    off : float
-        Largest distance of the curve from it, in N or N m.
-    rates : tuple of float
-        Between which, in m/s or rad/s.
+    Those after a reversal at which 63 % of it have changed sides. Each element of Maxwell slip
+    (``maxwell_slip.py``) goes from one side to the other over twice its own.
     """
-
-    joint: str
-    coulomb: float
-    viscous: float
-    off: float
-    rates: tuple[float, float]
-
-    @property
-    def sentence(self) -> str:
-        """How near it is."""
-        least, most = self.rates
-        return (
-            f"Fc = {self.coulomb:.3g} and Fv = {self.viscous:.3g} of {self.joint} are within "
-            f"{self.off:.2g} of its friction from {least:.2g} to {most:.2g}"
-        )
-
-
-@checked
-def nearest_line(
-    joint: str, terms: Mapping[str, float], use: MotorUse | None = None
-) -> FrictionLine:
-    """The line nearest to the friction of a joint, by least squares over the rates of the log.
-
-    Parameters
-    ----------
-    joint : str
-    terms : mapping
-        Values of its joint terms by their kinds.
-    use : MotorUse, optional
-        Rates and loads in the log; by default rates of the curve's points, and no load.
-
-    Returns
-    -------
-    FrictionLine
-        Coulomb and viscous friction, and how far the curve is off these.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> line = loopid.identification.nearest_line("elbow", {"Fc": 2.0, "Fv": 0.5})
-    >>> round(line.coulomb, 6), round(line.viscous, 6)
-    (2.0, 0.5)
-    """
-    from scipy.optimize import nnls  # slow to import
-
-    laws = [joint_term(kind) for kind in terms if grouped(kind)]
-    load, points = 0.0, [law.at for law in laws if law.at and "slip" not in law.needs]
-    least, most = (min(points), RATIO * max(points)) if points else (0.0, 1.0)
-    if use is not None and joint in use.joints:
-        least, most = use.of(joint)
-        load = float(use.load[use.joints.index(joint)])
-    # Not zero, at which friction has no direction.
-    rates = np.maximum(np.linspace(least, most, LINE_POINTS), np.finfo(float).tiny)
-    own = {kind: x for kind, x in terms.items() if grouped(kind) or kind in ("Fc", "Fv")}
-    both = np.empty((2, LINE_POINTS))
-    for way, sign in enumerate((1.0, -1.0)):
-        state = JointState(None, sign * rates, None, math=np, torque=load)
-        both[way] = sign * signals([*own], state, LINE_POINTS) @ [*own.values()]
-    line, _ = nnls(np.column_stack([np.ones(LINE_POINTS), rates]), both.mean(axis=0))
-    off = float(np.abs(both - line[0] - line[1] * rates).max())
-    return FrictionLine(joint, float(line[0]), float(line[1]), off, (least, most))
+    found = dict[str, float]()
+    for joint in dict.fromkeys(each.link for each in fit.parameters):
+        own = _columns(fit, joint, lambda k: k not in KINDS and joint_term(k).prior == HYSTERESIS)
+        part = np.maximum(fit.values[own], 0.0)
+        if part.any():
+            slips = np.array([joint_term(fit.parameters[j].kind).at for j in own])
+            ends = np.sort(2 * slips)
+            done = np.minimum(ends[:, None] / (2 * slips), 1.0) @ part / part.sum()
+            found[joint] = float(np.interp(TOLD, np.append(0.0, done), np.append(0.0, ends)))
+    return found

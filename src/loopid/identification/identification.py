@@ -12,7 +12,6 @@ from loopid.findings import Finding, most_important_first
 from loopid.identification.candidate import Candidate
 from loopid.identification.force_models import parted
 from loopid.identification.friction import friction_findings
-from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.outcome import ALL, FRACTION, Outcome
 from loopid.identification.selection import Reduction, eliminate, judge_essential
 from loopid.identification.terms import without_offset
@@ -164,7 +163,6 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
     if frames := dict.fromkeys(frame for run in runs for frame in run.wrenches):
         notes.append(("measured wrenches are part of the forces", f"on {', '.join(frames)}"))
     notes += friction_findings(fit)
-    notes += [hysteresis_loop(fit, joint).finding for joint in hysteretic_joints(fit)]
     if excited.unidentifiable:
         title = "unidentifiable combinations keep the robot file's values"
         notes.append((title, f"the values of {', '.join(excited.assumed)} rest on it"))

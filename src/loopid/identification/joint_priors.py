@@ -51,16 +51,10 @@ class JointPriors:
         deviations: FloatArray,
         given: FloatArray,
     ) -> JointPriors:
-        """Priors of the joint terms of a force model.
+        """Priors of the joint terms of a force model, with means ``start`` (k,).
 
-        Parameters
-        ----------
-        start : FloatArray
-            (k,).
-        deviations : FloatArray
-            (k,), of terms without a group.
-        given : FloatArray
-            (k,), known deviations; a term with a finite one is in no group.
+        ``deviations`` (k,) are of terms without a group. One with a finite deviation ``given`` (k,)
+        is in none.
         """
         terms, members = joint_parameters(force_model), dict[tuple[str, str], list[int]]()
         laws = [joint_term(term.kind) for term in terms]

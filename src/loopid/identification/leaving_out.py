@@ -16,7 +16,6 @@ from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.problem import FitSamples
 from loopid.logs.recording import REACH, Recording
 from loopid.numbers import SOLVED_ROUND_OFF
-from loopid.records import record
 
 FOLDS = 5  # segments: each fit has four fifths of the data
 IN_ONE = 0.9  # part of a motor's samples from which on those of others hardly show what it does
@@ -26,42 +25,28 @@ DIGITS = 6  # of states in their deviations, that separate them
 SAME = 0.05  # of the deviations of states: such ones are the same
 
 
-@record
-class LeftOut:
-    """Fits to all segments of some data but one."""
+def values_left_out(
+    data: FitSamples,
+    recordings: Sequence[Recording],
+    refits: Mapping[str, Callable[[FitSamples], FloatArray]],
+) -> dict[str, FloatArray]:
+    """Values (K, n) of each candidate without each of the K segments of some recordings' data.
 
-    segments: IntArray  # (N,), the segment of each sample, of K
-    values: Mapping[str, FloatArray]  # (K, n), for each candidate its values without each segment
+    ``refits`` give its values (n,) from samples, some of which are not used.
+    """
+    values: dict[str, list[FloatArray]] = {name: [] for name in refits}
+    with warnings.catch_warnings(action="ignore"):  # the same as of all data
+        for kept in kept_without(segments_of(data), recordings):
+            part = replace(data, used=data.used & kept[:, None])
+            for name, refit in refits.items():
+                values[name].append(refit(part))
+    return {name: np.array(each) for name, each in values.items()}
 
-    @classmethod
-    def of(
-        cls,
-        data: FitSamples,
-        recordings: Sequence[Recording],
-        refits: Mapping[str, Callable[[FitSamples], FloatArray]],
-    ) -> LeftOut:
-        """Fit again without each segment.
 
-        Parameters
-        ----------
-        data : FitSamples
-            Of the recordings.
-        refits : dict of callable
-            For each candidate: values (n,) from samples, some of which are not used.
-        """
-        segments = segments_of(data)
-        values: dict[str, list[FloatArray]] = {name: [] for name in refits}
-        with warnings.catch_warnings(action="ignore"):  # the same as of all data
-            for kept in kept_without(segments, recordings):
-                part = replace(data, used=data.used & kept[:, None])
-                for name, refit in refits.items():
-                    values[name].append(refit(part))
-        return cls(segments, {name: np.array(each) for name, each in values.items()})
-
-    def predicted(self, name: str, data: FitSamples) -> FloatArray:
-        """Forces (N, dof) of a candidate, of each segment by the fit without it."""
-        values = self.values[name][self.segments]
-        return np.asarray((data.regressor @ values[:, :, None])[:, :, 0])
+def predicted_left_out(data: FitSamples, values: FloatArray) -> FloatArray:
+    """Forces (N, dof), of each segment by the values (K, n) without it."""
+    own = values[segments_of(data)]
+    return np.asarray((data.regressor @ own[:, :, None])[:, :, 0])
 
 
 def whole_logs(data: FitSamples) -> bool:

@@ -40,7 +40,7 @@ class LogChange:
     name : str
         Of the log; of two the second.
     what : str
-        ``"load"``, or ``"size"`` of forces.
+        ``"load"``, ``"size"`` of forces, or ``"either"`` where both explain it.
     before, after : float
         Errors of all motors, in parts of their forces in the root mean square, without and with it.
     time : float or None
@@ -56,7 +56,7 @@ class LogChange:
     def finding(self, several: bool = True) -> Finding:
         """In words, with the log's name where there are several."""
         (title, allowed), when = DIFFERS[self.what], "there"
-        title = f"{title.format(self.name)} from that of other logs"
+        title = title.format(self.name)
         do = f"identify {self.name} and the others apart"
         if self.time is not None:
             title = f"the load changes at {self.time:.2f} s{f' of {self.name}' * several}"
@@ -69,8 +69,15 @@ class LogChange:
 
 # What may differ: the title, and what is allowed for.
 DIFFERS = {
-    "load": ("the load of {} differs", "a body that is lighter or heavier"),
-    "size": ("the size or zero of forces of {} differs", "others of each motor"),
+    "load": ("the load of {} differs from that of other logs", "a body that is lighter or heavier"),
+    "size": (
+        "the size or zero of forces of {} differs from that of other logs",
+        "others of each motor",
+    ),
+    "either": (
+        "the load or forces of {} differ from those of other logs",
+        "a body that is lighter or heavier, or forces of another size or zero",
+    ),
 }
 
 
@@ -116,8 +123,10 @@ def log_difference(
         parts[name, "size"] = products.part_with_size(rows)
     (name, what), left = min(parts.items(), key=lambda each: each[1])
     others = [part for (_, other), part in parts.items() if other != what]
-    if np.sqrt(left) > min(LEFT, RIVAL * np.sqrt(min(others))):
+    if np.sqrt(left) > LEFT:
         return None
+    if np.sqrt(left) > RIVAL * np.sqrt(min(others)):
+        what = "either"
     return LogChange(name, what, before, before * float(np.sqrt(left)))
 
 
@@ -182,26 +191,18 @@ class _Products:
 
     def part_with_size(self, rows: slice, drifts: slice | None = None) -> float:
         """The part left with forces of another size and zero in rows; or that drift over others."""
-        force, every = self._predicted_without(rows), np.arange(len(self.data))
-        motors, shapes = np.eye(force.shape[1]), [(every >= rows.start) & (every < rows.stop)]
-        sizes = force[:, :, None] * motors
+        others, n = self.whole - self.of(rows), len(self.values)
+        values = np.linalg.solve(others[:n, :n] + RIDGE * np.eye(n), others[:n, n])
+        force = self.data.predicted(values * self.sizes[n] / self.sizes[:n])  # without the rows
+        motors, every = np.eye(force.shape[1]), np.arange(len(self.data))
+        shapes, sizes = [(every >= rows.start) & (every < rows.stop)], force[:, :, None] * motors
         both = np.concatenate([sizes, np.broadcast_to(motors, sizes.shape)], axis=2)
         if drifts is not None:
             ends = drifts.start, drifts.stop - 1
             shapes.append(np.interp(every, ends, [0.0, 1.0], left=0.0, right=0.0))
-        return min(self._part_beside(shape[:, None, None] * both) for shape in shapes)
-
-    def _predicted_without(self, rows: slice) -> FloatArray:
-        """Forces (N, dof) by a fit without some rows."""
-        others = self.whole - self.of(rows)
-        n = len(others) - 1
-        values = np.linalg.solve(others[:n, :n] + RIDGE * np.eye(n), others[:n, n])
-        return self.data.predicted(values * self.sizes[n] / self.sizes[:n])
-
-    def _part_beside(self, columns: FloatArray) -> float:
-        """The part of the squares that columns (N, dof, k) of any size leave."""
-        R = self.data.beside("change", columns).problem.weighted(self.weights)
-        return float((R[-1, -1] / self.sizes[-1]) ** 2) / self.left
+        wider = (self.data.beside("change", shape[:, None, None] * both) for shape in shapes)
+        left = min(abs(float(each.problem.weighted(self.weights)[-1, -1])) for each in wider)
+        return (left / float(self.sizes[-1])) ** 2 / self.left
 
     def part_left(self, later: FloatArray) -> float:
         """Part of the squared errors with the body that explains most, from its products on."""

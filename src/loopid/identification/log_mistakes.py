@@ -25,12 +25,12 @@ from loopid.findings import EVIDENCE, Finding
 from loopid.identification.evidence import STRANGE, Evidence, Explanation, Undone
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
-from loopid.identification.mistake_kinds import KINDS, KNOWN, ZERO_OFF, Mistaken, Motors
-from loopid.identification.own_gains import OwnGains, own_gains
+from loopid.identification.mistake_kinds import BETTER, KINDS, SHAPE, ZERO_OFF, Find, Motors
+from loopid.identification.own_gains import own_gains
 from loopid.logs.checks import without_signs
 from loopid.logs.preparing import NEAR_SINGULAR, in_motion_band
 from loopid.logs.recording import Recording
-from loopid.numbers import NORMAL_95, number
+from loopid.numbers import NORMAL_95
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.robot import Robot
@@ -41,14 +41,6 @@ from loopid.workers import one_blas_thread
 TRIED, ZOOMS, STEPS = 7, 2, 2
 CLOSELY = 6  # mistakes of positions that are looked at closely
 ROUNDS = 3  # mistakes one after the other
-# Part of the forces, less friction, that may be left of a motor once its mistake is undone: a robot
-# file that explains no shape shows no mistake. Less of a factor that nobody has a cause for: a
-# missing force has any, but none takes all of a force away but for a tenth of the same shape.
-SHAPE, FACTOR_SHAPE, SMALL_SHAPE, SMALL = 0.4, 0.15, 0.6, 0.1
-# Errors of motors that were exchanged, or of one that lacks inertia, over those before, at most.
-BETTER = 0.8
-# Part of the shape of forces that the bodies carry at least, once a gain is undone.
-CARRIED = 0.5
 BY_HAND = Finding(
     "mistake",
     "the robot was moved by hand",
@@ -161,12 +153,15 @@ def log_faults(
         if not model.present:
             return nothing
         mistakes, finds, found, _ = _mistakes(model)
-    gains = [find.gain(model.names) for find in finds if find.kind == "gain"]
-    # Friction alone explains the forces of a motor whose gain may as well be 0.
-    some = (one for one in gains if np.prod(one.interval) > 0)
-    known = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
+    gains = list[MotorGain]()
+    for find in (one for one in finds if one.kind == "gain"):
+        (k,), gain = find.motors, find.after.undone.gain[find.motors[0]]
+        reach = find.reach * abs(gain / find.size)
+        # Friction alone explains the forces of a motor whose gain may as well be 0.
+        if reach < abs(gain):
+            gains.append(MotorGain(model.names[k], gain, (gain - reach, gain + reach)))
     hidden = None if mistakes or singular else _hidden(model, found)
-    return LogFaults(nothing.recording, known, (*mistakes, *held), hidden, singular)
+    return LogFaults(nothing.recording, tuple(gains), (*mistakes, *held), hidden, singular)
 
 
 def singular_poses(recordings: Sequence[Recording]) -> Finding | None:
@@ -244,9 +239,9 @@ class _Mistakes(NamedTuple):
     """Mistakes of a log, all that was looked at last, and the log without them."""
 
     findings: list[Finding]
-    finds: list[_Find]
+    finds: list[Find]
     found: Explanation
-    undone: list[_Find]
+    undone: list[Find]
 
 
 def _mistakes(model: Evidence, *, together: bool = True) -> _Mistakes:
@@ -255,7 +250,7 @@ def _mistakes(model: Evidence, *, together: bool = True) -> _Mistakes:
     Where one spoils all else, as a robot that was moved by hand, it is alone. Gains of several
     motors ``together`` are one mistake, where these one after the other do not explain as much.
     """
-    found, undone, mistakes = model.weighed(model.recorded), list[_Find](), list[Finding]()
+    found, undone, mistakes = model.weighed(model.recorded), list[Find](), list[Finding]()
     while True:
         finds = _finds(model, found, assembled=False)
         finds += _of_own_gains(model, found) if together else []
@@ -313,103 +308,10 @@ def log_faults_by_log(
     return tuple(named)
 
 
-class _Find(NamedTuple):
-    """A mistake at its most likely size, and how well that is known."""
-
-    kind: str
-    motors: Motors
-    after: Explanation  # once it is undone
-    evidence: float  # less what is lost by a choice of size and motor
-    size: float = 1.0
-    reach: float = 0.0  # half of the 95 % interval
-    own: OwnGains | None = None  # where each motor has a size of its own
-    lost: float = 0.0
-
-    def worth(self, found: Explanation) -> bool:
-        """Whether a size is known and not as good as none; or errors of all its motors fall."""
-        if self.own is not None:
-            return self.own.wrong > 1
-        if not KINDS[self.kind].sizes:
-            worse = self.after.error > BETTER * found.error
-            return not worse[list(self.motors)].any()
-        least, size, reach = KINDS[self.kind].least, self.size, self.reach
-        if KINDS[self.kind].added:
-            return abs(size) - reach > least
-        usual = size - reach <= least and 1 / least <= size + reach
-        usual |= KINDS[self.kind].fields == ("gain",) and self._carried_by_others(found)
-        known = reach <= KNOWN * abs(size)
-        # Of a time axis that is too short, inertia that a motor lacks shows how much at least.
-        if self.kind == "factor" and size + reach < 1:
-            known |= bool((self.after.error < BETTER * found.error).any())
-        return (known or self.small) and not usual
-
-    def _carried_by_others(self, found: Explanation) -> bool:
-        """Whether a gain makes forces that were explained ones that no body carries, as springs."""
-        own, after = list(self.motors), self.after
-        large = found.error > STRANGE * found.shape
-        carried = after.carried > CARRIED * after.shape
-        return not (large | carried)[own].any()
-
-    @property
-    def small(self) -> bool:
-        """Whether forces of a motor are a small part of what is expected, however small."""
-        return KINDS[self.kind].fields == ("gain",) and 0 < abs(self.size) + self.reach < SMALL
-
-    @property
-    def shape(self) -> float:
-        """The part of the shape of its forces that may be left at most."""
-        kind = KINDS[self.kind]
-        if self.small:
-            return SMALL_SHAPE
-        # Of a gain, no missing force looks alike where people have a cause for its size.
-        caused = kind.fields != ("gain",) or kind.cause(self.size, self.reach) is not None
-        if self.own is not None:
-            caused = bool((self.own.gains < 0).any())
-        return SHAPE if caused else FACTOR_SHAPE
-
-    def mended(self, undone: Undone) -> Undone:
-        """With the mistake undone, too, as it is advised: exactly by a cause."""
-        kind = KINDS[self.kind]
-        if self.own is not None:
-            for k in self.motors:
-                undone = kind.undone(undone, (k,), 1 / float(f"{1 / self.own.gains[k]:.3g}"))
-            return undone
-        cause = kind.cause(self.size, self.reach)
-        return kind.undone(undone, self.motors, self.size if cause is None else cause[0])
-
-    def finding(self, model: Evidence, found: Explanation) -> Finding:
-        """In words, against how the log was explained before."""
-        kind = KINDS[self.kind]
-        one = Mistaken(
-            tuple(model.names[k] for k in self.motors) if kind.motors or kind.alone else (),
-            *(self.size, self.reach, kind.cause(self.size, self.reach), self.own, model, found),
-        )
-        title, size, do = kind.call(one)
-        after, before = (
-            100 * one.error / model.sizes([one.undone])[0] for one in (self.after, found)
-        )
-        # Forces of a motor show positions of another: those of the motor that gains most count.
-        shown = model.present if kind.assembled else self.motors
-        k = max(shown, key=lambda k: float(before[k] - after[k]))
-        of = "" if k in self.motors else f" of {model.names[k]}"
-        why = (
-            f"{size}undone, errors are {number(float(after[k]), 2)} % of the force{of} "
-            f"instead of {number(float(before[k]), 3)} % "
-            f"(evidence e^{self.evidence - found.evidence:.0f})"
-        )
-        return Finding("mistake", title, why, do)
-
-    def gain(self, names: Sequence[str]) -> MotorGain:
-        """Of the force of a motor as it was measured."""
-        (k,), gains = self.motors, self.after.undone.gain
-        reach = self.reach * abs(gains[k] / self.size)
-        return MotorGain(names[k], gains[k], (gains[k] - reach, gains[k] + reach))
-
-
 Tried = tuple[str, Motors, float]  # a kind of mistake, of motors, at a size
 
 
-def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Find]:
+def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[Find]:
     """Mistakes of the kinds for which loops are closed anew, or of the others.
 
     Closing loops takes long: those that are best at few samples are looked at closely.
@@ -438,14 +340,14 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
     return _closely(model, found, [*heavy, *plain])
 
 
-def _of_own_gains(model: Evidence, found: Explanation) -> list[_Find]:
+def _of_own_gains(model: Evidence, found: Explanation) -> list[Find]:
     """Gains of several motors at once, where these explain the forces better."""
     own = own_gains(model, found) if model.strange(found, model.present) else None
     if own is None or (own.gains[model.present] == -1).all():  # that is another kind
         return []
     lost = own.lost + log(len(KINDS))
     evidence = own.after.evidence - lost
-    return [_Find("own gains", own.motors, own.after, evidence, own=own, lost=lost)]
+    return [Find("own gains", own.motors, own.after, evidence, own=own, lost=lost)]
 
 
 def _undone(found: Explanation, tried: Sequence[Tried]) -> list[Undone]:
@@ -507,9 +409,9 @@ def _as_heavy(model: Evidence, found: Explanation, one: Tried) -> Tried:
 
 def _closely(
     model: Evidence, found: Explanation, tried: Sequence[tuple[Tried, float]]
-) -> list[_Find]:
+) -> list[Find]:
     """Faults rescored on all samples, and the cost of choosing a kind, motors and a size."""
-    after, finds = model.explained(_undone(found, [one for one, _ in tried])), list[_Find]()
+    after, finds = model.explained(_undone(found, [one for one, _ in tried])), list[Find]()
     for ((name, motors, size), deviation), explained in zip(tried, after, strict=True):
         kind, reach = KINDS[name], NORMAL_95 * deviation * abs(size)
         # Each kind is as likely beforehand as any other, of whichever motors [Scott2006].
@@ -521,18 +423,18 @@ def _closely(
             if kind.cause(size, reach):
                 lost = min(lost, log(len(kind.causes)))
         evidence = explained.evidence - chosen - lost
-        finds.append(_Find(name, motors, explained, evidence, size, reach, lost=chosen + lost))
+        finds.append(Find(name, motors, explained, evidence, size, reach, lost=chosen + lost))
     return finds
 
 
 def _clear(
-    model: Evidence, finds: Sequence[_Find], found: Explanation, undone: Sequence[_Find]
-) -> list[_Find]:
+    model: Evidence, finds: Sequence[Find], found: Explanation, undone: Sequence[Find]
+) -> list[Find]:
     """Mistakes that are worth a finding and not undone yet, the likeliest first.
 
     Those of which no rival is as likely: a force that the robot file lacks, or other bodies.
     """
-    clear, errors = list[_Find](), model.errors(found)
+    clear, errors = list[Find](), model.errors(found)
     worst, large = int(errors.argmax()), bool(errors.max() > STRANGE)
     for find in finds:
         again = any((find.kind, find.motors) == (one.kind, one.motors) for one in undone)
@@ -590,7 +492,7 @@ def _hidden(model: Evidence, found: Explanation) -> Finding | None:
     )
 
 
-def _moved_by_hand(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> bool:
+def _moved_by_hand(model: Evidence, found: Explanation, clear: Sequence[Find]) -> bool:
     """Whether forces are clearly without inertia, and no motor works against friction.
 
     Another time axis makes inertia small, too; other mistakes must be less likely.
@@ -606,7 +508,7 @@ def _moved_by_hand(model: Evidence, found: Explanation, clear: Sequence[_Find]) 
     return clearly and model.explains(plain, model.present, SHAPE, whole=False)
 
 
-def _turned(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> Finding | None:
+def _turned(model: Evidence, found: Explanation, clear: Sequence[Find]) -> Finding | None:
     """Gravity along another axis of the base, where no mistake is clearly likelier."""
     file = model.robot.model.gravity.linear
     size = float(np.linalg.norm(file))
@@ -632,7 +534,7 @@ def _turned(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> Find
 
 
 def _finding(
-    model: Evidence, clear: Sequence[_Find], found: Explanation, every: Sequence[_Find]
+    model: Evidence, clear: Sequence[Find], found: Explanation, every: Sequence[Find]
 ) -> Finding:
     """The likeliest mistake, with one that is nearly as likely, or looks alike, beside it."""
     best, *others = clear
@@ -649,7 +551,7 @@ def _finding(
     return said
 
 
-def _alike(one: _Find, other: _Find) -> bool:
+def _alike(one: Find, other: Find) -> bool:
     """Whether they are the same but for gravity: all forces, and by its square the time axis."""
     if {one.kind, other.kind} != {"factor", "common_gain"} or min(one.size, other.size) <= 0:
         return False

@@ -126,15 +126,12 @@ def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, Floa
         y, all_rows = force[part, k], np.ones(count)
 
         def at_lags(a: FloatArray, b: FloatArray) -> FloatArray:
-            """Sums of a at a time times b a lag before, (L,)."""
-            product = np.fft.rfft(a, length) * np.fft.rfft(b, length).conj()
-            return np.roll(np.fft.irfft(product, length), most)[: len(lags)]
+            """Sums of a (N,) at a time times b (N, ...) a lag before, (L, ...)."""
+            product = np.fft.rfft(a, length) * np.fft.rfft(b.T, length).conj()
+            return np.roll(np.fft.irfft(product, length), most, axis=-1)[..., : len(lags)].T
 
-        n = X.shape[1]
-        H = np.empty((len(lags), n, n))
-        for i, j in zip(*np.triu_indices(n), strict=True):
-            H[:, i, j] = H[:, j, i] = at_lags(all_rows, X[:, i] * X[:, j])
-        g = np.stack([at_lags(y, X[:, i]) for i in range(n)], axis=1)
+        n, g = X.shape[1], at_lags(y, X)
+        H = at_lags(all_rows, X[:, :, None] * X[:, None])
         squares, samples = at_lags(y**2, used), at_lags(all_rows, used)
         freedom = 1 - alike * n / np.maximum(samples, 1.0)
         independent += np.maximum(samples / alike - n, 0.0)

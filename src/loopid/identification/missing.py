@@ -13,10 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import permutations
+from itertools import chain, permutations
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import first_of
@@ -32,19 +33,22 @@ from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_models import ForceModel
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import segments_of
-from loopid.identification.lengths import length_forces
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
 from loopid.identification.terms import KNOWN_OFFSET
+from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.poses import integrate
+from loopid.kinematics.projection import Factorisation, closed_motion, partition
 from loopid.logs.recording import Recording
 from loopid.records import record
-from loopid.robot.robot import position_of
+from loopid.regressors.motion_regressors import motion_regressor
+from loopid.robot.robot import Robot, position_of
 from loopid.workers import one_blas_thread
 
 ONE_OF_ALL = 0.05  # chance of a motor's own force, from which on what is clear of all is its, too
 HIDDEN = 2.0  # standard errors of a spring's stiffness within which it does not show
 HIDES = 10.0  # standard errors of an estimate that such a one moves it by at least to be named
-HELPS = 0.9  # of squared errors on segments left out that may be left with a force that helps
+HELPS = 0.9  # of squared errors on data left out that may be left with a force that helps
 MOVES = 2.0  # standard errors of an estimate that a force moves it by at least to be named
 LIKELY = 0.05  # chance of springs of all motors, from which on intervals allow for them
 ROWS = 20  # samples of a motor for each column, at least
@@ -59,6 +63,8 @@ SLOW, LARGER = 0.2, 1.25
 # not made that exactly: intervals hold it, and it is no finding.
 LEAST_OFF, MOST_OFF = 5e-5, 0.1
 FARTHEST = 0.5  # in rad, or robot lengths, that a zero may be off by: its forces are then linear
+PART = 1e-4  # by which a length is changed, for its derivative
+LEAST_PART = 1e-6  # of the forces, and of the robot's length: less is none
 FOLLOWS = 3  # columns of the motion of another motor
 DEPENDENT = 1e-6  # part of a column beside the fit's below which it adds nothing
 
@@ -83,7 +89,8 @@ class MissingForce:
         ``"clear"`` or ``"likely"``, which both widen intervals; ``"hidden"``: this much of it
         would not show.
     left : float
-        Of the motor's squared error on segments left out, the part that is left with it.
+        Of the motor's squared error on segments and on states left out, the part that is left with
+        it: the larger of both. Segments of a motion that repeats itself are alike.
     bias : FloatArray
         (n,), what it does to the estimates.
     moved : float
@@ -126,7 +133,7 @@ class MissingForce:
 
     @property
     def effect(self) -> str:
-        """What it does, in words: to errors on segments left out, or to estimates."""
+        """What it does, in words: to errors on data left out, or to estimates."""
         if self.left < HELPS:
             return f"errors left out would be {100 * (1 - np.sqrt(self.left)):.0f} % smaller"
         return f"moves estimates by up to {self.moved:.2g} of their standard errors"
@@ -190,13 +197,14 @@ class _Law(NamedTuple):
 
     said: str
     do: str
-    columns: Callable[[_Motor, float], list[FloatArray]]  # of these, and of a number of waves
+    columns: Callable[[_Motor], list[FloatArray]]
     known: tuple[str, ...] = ()  # beginnings of kinds of joint terms that have it
     term: str = ""  # that is it
     other: str = ""  # the other motor
+    waves: float = 0.0  # how many in 2 π rad or metres
 
 
-def _curve(own: _Motor, _: float) -> list[FloatArray]:
+def _curve(own: _Motor) -> list[FloatArray]:
     size, way = np.abs(own.rate), np.sign(own.rate)
     slow = max(float(np.quantile(size, 0.99)), np.finfo(float).tiny) / 10
     return [way * np.sqrt(size), own.rate * size, way * np.exp(-((own.rate / slow) ** 2))]
@@ -204,35 +212,31 @@ def _curve(own: _Motor, _: float) -> list[FloatArray]:
 
 MEND_ZERO = "set position_offset: {{{}: {}}} in the mapping, plus one that it has"
 MEASURE = "measure the links, or take their lengths from a calibration"
-WAVES = _Law(
-    "waves over position",
-    "look at its gear and motor: teeth, poles, a bent shaft",
-    lambda own, number: [np.sin(number * own.position), np.cos(number * own.position)],
-)
+MEND_WAVES = "look at its gear and motor: teeth, poles, a bent shaft"
 DEFAULT = 'let the data choose: terms="auto"'
 LAWS = (
     _Law(
         "drifts in time",
         "warm the robot up, or fit shorter logs",
-        lambda own, _: [np.sign(own.rate) * own.time, own.rate * own.time],
+        lambda own: [np.sign(own.rate) * own.time, own.rate * own.time],
     ),
     _Law(
         "grows with position",
         'add springs: terms="auto; {terms}"',
-        lambda own, _: [own.position],
+        lambda own: [own.position],
         known=("Ks",),
         term="Ks",
     ),
     _Law(
         "differs by direction",
         DEFAULT,
-        lambda own, _: [np.ones(len(own.rate)), np.abs(own.rate)],
+        lambda own: [np.ones(len(own.rate)), np.abs(own.rate)],
         known=("Fa", "Fo", "Fc+"),
     ),
     _Law(
         "grows with load",
         DEFAULT,
-        lambda own, _: [np.sign(own.rate) * np.abs(own.load)],
+        lambda own: [np.sign(own.rate) * np.abs(own.load)],
         known=("Ft", "Fl"),
     ),
     _Law("is curved over rate", DEFAULT, _curve, known=("Fk", "Fs")),
@@ -243,8 +247,17 @@ def _coupling(other: str) -> _Law:
     return _Law(
         f"follows the motion of {other}",
         "look for a gear, a belt, a differential (joint_maps), or cross-talk of sensors",
-        lambda its, _: [np.sign(its.rate), its.rate, its.acceleration],
+        lambda its: [np.sign(its.rate), its.rate, its.acceleration],
         other=other,
+    )
+
+
+def _waves(number: float) -> _Law:
+    return _Law(
+        "waves over position",
+        MEND_WAVES,
+        lambda own: [np.sin(number * own.position), np.cos(number * own.position)],
+        waves=number,
     )
 
 
@@ -330,6 +343,82 @@ def _length_or_zero(
         number=size,
         unit=place.unit,
     )
+
+
+class Place(NamedTuple):
+    """The joint or frame at the end of a length, or a motor with a zero in a unit."""
+
+    name: str
+    unit: str = ""
+
+
+def length_forces(
+    force_model: ForceModel, standard: FloatArray, recordings: Sequence[Recording]
+) -> dict[Place, FloatArray]:
+    """Forces (N, dof) per part of each length that makes some, and per rad or m of each zero.
+
+    Bodies take up most of it, as a link that is longer moves a body further, and one that is turned
+    has its centre of mass elsewhere. What is left gives the length, or the zero. None of a robot
+    with coordinates that motors leave free: these were measured. ``standard`` are parameters of the
+    force model that begin with those of the bodies.
+    """
+    robot = force_model.robot
+    if robot.free:
+        return {}
+    bodies = standard[: len(force_model.base.parameters) - len(force_model.joint_values)]
+
+    def forces(other: Robot) -> FloatArray:
+        parts = [_forces(other, run, force_model.model) @ bodies for run in recordings]
+        return np.concatenate(parts)
+
+    usual, found = forces(robot), dict[Place, FloatArray]()
+    for place, other in chain(_changed(robot), _turned(robot)):
+        column = (forces(other) - usual) / PART
+        if np.linalg.norm(column) > LEAST_PART * np.linalg.norm(usual):
+            found[place] = column
+    return found
+
+
+def _changed(robot: Robot) -> Iterator[tuple[Place, Robot]]:
+    """The robot with each length that is not zero changed: to a joint, or a frame of a closure."""
+    ends = sorted({frame for closure in robot.closures for frame in closure.frame_ids})
+    joints = range(1, robot.model.njoints)
+    places: list[tuple[str, Callable[[pin.Model], pin.SE3]]] = [
+        *((robot.model.names[k], lambda model, k=k: model.jointPlacements[k]) for k in joints),
+        *((robot.model.frames[k].name, lambda model, k=k: model.frames[k].placement) for k in ends),
+    ]
+    for name, placement in places:
+        model = robot.model.copy()
+        place = placement(model)
+        if np.linalg.norm(place.translation) > LEAST_PART * robot.length:
+            place.translation = (1 + PART) * place.translation
+            yield Place(name), replace(robot, model=model)
+
+
+def _turned(robot: Robot) -> Iterator[tuple[Place, Robot]]:
+    """The robot at positions that are less, of each motor with one coordinate."""
+    for name in robot.actuated:
+        model, joint = robot.model.copy(), robot.joint(name)
+        if joint.nv == 1:
+            data, neutral = joint.createData(), pin.neutral(model)
+            joint.calc(data, neutral[joint.idx_q : joint.idx_q + joint.nq])
+            place = model.jointPlacements[joint.id]
+            model.jointPlacements[joint.id] = place * pin.exp6(pin.Motion(-PART * np.ravel(data.S)))
+            yield Place(name, robot.units(name)[0]), replace(robot, model=model)
+
+
+def _forces(robot: Robot, run: Recording, model: str) -> FloatArray:
+    """Regressor (N, dof, n) of a motion of motors, with the loops closed as they nearly are."""
+    motion, q = run.motion, run.motion.configurations
+    if robot.rows:
+        dependent = partition(robot)[1]
+        open_by, A = Constraint(robot, q).scaled()
+        step = np.zeros((len(q), robot.model.nv))
+        solved = Factorisation.of(A[:, :, dependent]).solve(open_by[:, :, None])
+        step[:, dependent] = -solved[:, :, 0]
+        q = integrate(robot, q, step * robot.coordinate_scales)
+    whole = closed_motion(robot, q, motion.velocities, motion.accelerations)
+    return motion_regressor(robot, whole, model)
 
 
 def _slow(fit: WorkingFit, recordings: Sequence[Recording]) -> BoolArray:
@@ -423,7 +512,8 @@ class _Test:
         samples, result, n = fit.samples, fit.result, len(fit.result.parameters)
         noise = result.require_noise()
         self.fit, self.used, self.estimates = fit, samples.used, estimates
-        self.segments = segments_of(samples)
+        groups = segments_of(samples), samples.regions
+        self.left_out = [each for each in groups if each.any()]
         self.inverse = np.linalg.inv(fit.factor[:n, :n])
         self.scale = result.weights * samples.used
         self.columns = (samples.regressor @ self.inverse) * self.scale[:, :, None]
@@ -487,19 +577,21 @@ class _Test:
         return float(fdtrc(k, max(float(result.degrees_of_freedom.min()), 1.0), F))
 
     @cached_property
-    def errors_left_out(self) -> FloatArray:
-        """Sums of squared errors (dof,) of the fit on segments that are left out of it."""
-        return _squares(self.fit, self.segments)
+    def errors_left_out(self) -> list[FloatArray]:
+        """Sums of squared errors (dof,) of the fit on segments, and states, left out of it."""
+        return [_squares(self.fit, groups) for groups in self.left_out]
 
     def left(self, columns: FloatArray) -> float:
         """Squared errors there of the motors of columns (N, dof, k) with these, over those without.
 
-        It takes as long as a fit.
+        The larger of both. It takes as long as a fit.
         """
         own = np.where(columns.any(axis=(0, 2)), self.fit.result.weights, 0.0) ** 2
-        before = float(own @ self.errors_left_out)
-        after = float(own @ _squares(_beside(self.fit, columns), self.segments))
-        return after / before if before > 0 else 1.0
+        beside, shares = _beside(self.fit, columns), list[float]()
+        for groups, errors in zip(self.left_out, self.errors_left_out, strict=True):
+            before, after = own @ errors, own @ _squares(beside, groups)
+            shares.append(float(after / before) if before > 0 else 1.0)
+        return max(shares, default=1.0)
 
     def missing(
         self, columns: FloatArray, found: _Tested, certainty: str, **known: Any
@@ -553,8 +645,8 @@ def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:
 class _Tried(NamedTuple):
     """A law of a motor, the tests that it stands for, and what the test says of it."""
 
+    motor: str
     law: _Law
-    number: float
     tests: int
     found: _Tested
 
@@ -584,25 +676,22 @@ class _Search:
         asked = (law for law in LAWS if not (self.force_model.automatic and law.do == DEFAULT))
         return [law for law in asked if not any(kind.startswith(law.known or "~") for kind in own)]
 
-    def _columns(self, motor: str, law: _Law, number: float = 0.0) -> FloatArray:
+    def _columns(self, motor: str, law: _Law) -> FloatArray:
         """Of a law (N, dof, k) in the force of a motor."""
-        own = self.motions[law.other] if law.other else self._signals(motor, law, number)
+        own = self.motions[law.other] if law.other else self._signals(motor, law)
         columns = np.zeros((*self.test.used.shape, own.shape[1]))
         columns[:, self.rows[motor]] = own
         return columns
 
-    def _signals(self, motor: str, law: _Law, number: float) -> FloatArray:
+    def _signals(self, motor: str, law: _Law) -> FloatArray:
         """A law of the states of a motor (N, k), filtered as forces are."""
-        signals = (
-            each[motor].lowpassed(np.stack(law.columns(each[motor], number), axis=1))
-            for each in self.states
-        )
-        return np.concatenate([*signals])
+        own = (each[motor] for each in self.states)
+        return np.concatenate([one.lowpassed(np.stack(law.columns(one), axis=1)) for one in own])
 
     @cached_property
     def motions(self) -> dict[str, FloatArray]:
         """What the force of another motor may follow of each motor (N, k)."""
-        return {motor: self._signals(motor, _coupling(motor), 0.0) for motor in self.motors}
+        return {motor: self._signals(motor, _coupling(motor)) for motor in self.motors}
 
     def _of_all(self, law: _Law) -> float:
         """Chance of a law of all motors that are tested for it together."""
@@ -615,44 +704,35 @@ class _Search:
 
     def of_motor(self, motor: str) -> list[MissingForce]:
         """The likeliest force of a motor, if one is clear; else its springs."""
-        count, tried = self.test.used[:, self.rows[motor]].sum(), list[_Tried]()
-        for law, number, kinds in self._tried(motor):
-            if law.other:
-                found = self.couplings[motor, law.other]
-            else:
-                found = self.test.of(self._columns(motor, law, number))
-            if count >= ROWS * len(found.x):
-                tried.append(_Tried(law, number, kinds * self.families, found))
-        best = min(tried, key=lambda one: self._chance(motor, one), default=None)
-        if best is not None and self._chance(motor, best) < FALSE_ALARM:
-            columns = self._columns(motor, best.law, best.number)
-            found = best.found._replace(chance=self.test.confirmed(columns))
-            chance = self._chance(motor, best._replace(found=found))
+        tried = [*self._tried(motor)]
+        best = min(tried, key=self._chance, default=None)
+        if best is not None and self._chance(best) < FALSE_ALARM:
+            columns = self._columns(motor, best.law)
+            sure = best.found._replace(chance=self.test.confirmed(columns))
+            chance = self._chance(best._replace(found=sure))
             if chance < FALSE_ALARM:
-                clear = self._missing(motor, best, chance, "clear")
+                clear = self._missing(best, chance, "clear")
                 # What a model lacks may follow another motor in a part of the data.
                 if not best.law.other or clear.left < HELPS:
                     return [clear]
-        springs = (one for one in tried if one.law.term and one.found.x.all())
-        return [self._doubtful(motor, one) for one in springs]
+        return [self._doubtful(one) for one in tried if one.law.term and one.found.x.all()]
 
-    def _doubtful(self, motor: str, one: _Tried) -> MissingForce:
+    def _doubtful(self, one: _Tried) -> MissingForce:
         """A spring that is not clear: likely, or as much of it as would not show."""
         chance, likely = one.found.chance, self.together[one.law.said] < LIKELY
         if not likely and chance < FALSE_ALARM:
-            columns = self._columns(motor, one.law, one.number)
-            likely = self.test.confirmed(columns) < FALSE_ALARM
+            likely = self.test.confirmed(self._columns(one.motor, one.law)) < FALSE_ALARM
         if likely:
-            return self._missing(motor, one, chance, "likely")
+            return self._missing(one, chance, "likely")
         times = HIDDEN * one.found.errors / one.found.x
         hidden = one.found._replace(x=times * one.found.x, bias=times * one.found.bias)
-        return self._missing(motor, one._replace(found=hidden), chance, "hidden")
+        return self._missing(one._replace(found=hidden), chance, "hidden")
 
-    def _chance(self, motor: str, one: _Tried) -> float:
+    def _chance(self, one: _Tried) -> float:
         """Of what is tried for a motor: its own, or that of all."""
         alone = one.found.chance
         if one.law.other and one.tests * alone < FALSE_ALARM:
-            alone = self._beside_others(motor, one.law.other, alone)
+            alone = self._beside_others(one.motor, one.law.other, alone)
         of_all = len(LAWS) * self.families * self.together.get(one.law.said, 1.0)
         return min(one.tests * alone, of_all if alone < ONE_OF_ALL else 1.0)
 
@@ -676,19 +756,18 @@ class _Search:
         pairs = permutations(self.motors, 2)
         return {(a, b): self.test.of(self._columns(a, _coupling(b))) for a, b in pairs}
 
-    def _missing(self, motor: str, one: _Tried, chance: float, certainty: str) -> MissingForce:
-        slides = self.force_model.robot.slides(motor)
-        law, number, unit = one.law, one.number, ""
-        if law is WAVES:
+    def _missing(self, one: _Tried, chance: float, certainty: str) -> MissingForce:
+        law, slides, number, unit = one.law, self.force_model.robot.slides(one.motor), 0.0, ""
+        if law.waves:
+            number = law.waves / (2 * np.pi if slides else 1.0)
             unit = "times a metre" if slides else "times a turn"
-            number /= 2 * np.pi if slides else 1.0
         elif law.term:
             number, unit = float(one.found.x[0]), "N/m" if slides else "N m/rad"
         return self.test.missing(
-            self._columns(motor, law, one.number),
+            self._columns(one.motor, law),
             one.found,
             certainty,
-            motor=motor,
+            motor=one.motor,
             law=law.said,
             chance=chance,
             do=law.do,
@@ -697,14 +776,17 @@ class _Search:
             unit=unit,
         )
 
-    def _tried(self, motor: str) -> Iterator[tuple[_Law, float, int]]:
-        """Laws and their numbers that a motor is tested for, and tests that each stands for."""
+    def _tried(self, motor: str) -> Iterator[_Tried]:
+        """What a motor is tested for, where it has samples enough."""
         laws = [*self.laws[motor], *(_coupling(one) for one in self.motors if one != motor)]
-        kinds = len(laws) + 1
-        yield from ((law, 0.0, kinds) for law in laws)
+        tests, count = (len(laws) + 1) * self.families, self.test.used[:, self.rows[motor]].sum()
         numbers, share = self._wave_numbers(motor)
-        likeliest = np.argsort(-share)[:LIKELIEST]
-        yield from ((WAVES, float(numbers[k]), kinds * len(numbers)) for k in likeliest)
+        laws += [_waves(float(numbers[k])) for k in np.argsort(-share)[:LIKELIEST]]
+        for law in laws:
+            known = (motor, law.other) if law.other else None
+            found = self.couplings[known] if known else self.test.of(self._columns(motor, law))
+            if count >= ROWS * len(found.x):
+                yield _Tried(motor, law, tests * (len(numbers) if law.waves else 1), found)
 
     def _wave_numbers(self, motor: str) -> tuple[FloatArray, FloatArray]:
         """Numbers of waves in 2 π rad or metres, and how much of the residual each may be."""

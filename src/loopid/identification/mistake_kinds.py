@@ -13,11 +13,21 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.errors import first_of
-from loopid.identification.evidence import Evidence, Explanation, Undone
+from loopid.findings import Finding
+from loopid.identification.evidence import STRANGE, Evidence, Explanation, Undone
 from loopid.identification.own_gains import OwnGains
+from loopid.numbers import number
 
 # Half of the 95 % interval at most, as a part of the size: a size that is not known is none.
 KNOWN = 0.5
+# Part of the forces, less friction, that may be left of a motor once its mistake is undone: a robot
+# file that explains no shape shows no mistake. Less of a factor that nobody has a cause for: a
+# missing force has any, but none takes all of a force away but for a tenth of the same shape.
+SHAPE, FACTOR_SHAPE, SMALL_SHAPE, SMALL = 0.4, 0.15, 0.6, 0.1
+# Errors of motors that were exchanged, or of one that lacks inertia, over those before, at most.
+BETTER = 0.8
+# Part of the shape of forces that the bodies carry at least, once a gain is undone.
+CARRIED = 0.5
 LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the file
 TURN = 2 * pi  # motors hardly move further, in rad or characteristic lengths
 Motors = tuple[int, ...]
@@ -31,7 +41,7 @@ class MistakeKind(NamedTuple):
 
     fields: tuple[str, ...]  # of what is undone
     motors: int  # it is of this many; 0 for all
-    call: Callable[[Mistaken], Called]
+    call: Callable[[Find, Evidence, Explanation], Called]
     sizes: tuple[float, ...] = ()  # that are tried first, evenly spread
     signs: tuple[float, ...] = (1.0,)
     causes: tuple[Cause, ...] = ()  # that people have, by the size
@@ -99,20 +109,92 @@ class MistakeKind(NamedTuple):
         return np.outer(self.signs, possible).ravel()
 
 
-class Mistaken(NamedTuple):
-    """A mistake that is to be called something."""
+class Find(NamedTuple):
+    """A mistake at its most likely size, and how well that is known."""
 
-    names: tuple[str, ...]  # of its motors; empty of all
-    size: float
-    reach: float  # half of its 95 % interval
-    cause: Cause | None
-    own: OwnGains | None  # sizes of its motors, where each has its own
-    model: Evidence
-    found: Explanation  # how the log was explained before
+    kind: str
+    motors: Motors
+    after: Explanation  # once it is undone
+    evidence: float  # less what is lost by a choice of size and motor
+    size: float = 1.0
+    reach: float = 0.0  # half of the 95 % interval
+    own: OwnGains | None = None  # where each motor has a size of its own
+    lost: float = 0.0
 
     @property
-    def listed(self) -> str:
-        return " and ".join(self.names) or "all motors"
+    def cause(self) -> Cause | None:
+        return KINDS[self.kind].cause(self.size, self.reach)
+
+    @property
+    def of_gain(self) -> bool:
+        return KINDS[self.kind].fields == ("gain",)
+
+    def worth(self, found: Explanation) -> bool:
+        """Whether a size is known and not as good as none; or errors of all its motors fall."""
+        if self.own is not None:
+            return self.own.wrong > 1
+        kind, size, reach = KINDS[self.kind], self.size, self.reach
+        if not kind.sizes:
+            worse = self.after.error > BETTER * found.error
+            return not worse[list(self.motors)].any()
+        if kind.added:
+            return abs(size) - reach > kind.least
+        usual = size - reach <= kind.least and 1 / kind.least <= size + reach
+        usual |= self.of_gain and self._carried_by_others(found)
+        known = reach <= KNOWN * abs(size)
+        # Of a time axis that is too short, inertia that a motor lacks shows how much at least.
+        if self.kind == "factor" and size + reach < 1:
+            known |= bool((self.after.error < BETTER * found.error).any())
+        return (known or self.small) and not usual
+
+    def _carried_by_others(self, found: Explanation) -> bool:
+        """Whether a gain makes forces that were explained ones that no body carries, as springs."""
+        own, after = list(self.motors), self.after
+        large = found.error > STRANGE * found.shape
+        carried = after.carried > CARRIED * after.shape
+        return not (large | carried)[own].any()
+
+    @property
+    def small(self) -> bool:
+        """Whether forces of a motor are a small part of what is expected, however small."""
+        return self.of_gain and 0 < abs(self.size) + self.reach < SMALL
+
+    @property
+    def shape(self) -> float:
+        """The part of the shape of its forces that may be left at most."""
+        if self.small:
+            return SMALL_SHAPE
+        # Of a gain, no missing force looks alike where people have a cause for its size.
+        caused = not self.of_gain or self.cause is not None
+        if self.own is not None:
+            caused = bool((self.own.gains < 0).any())
+        return SHAPE if caused else FACTOR_SHAPE
+
+    def mended(self, undone: Undone) -> Undone:
+        """With the mistake undone, too, as it is advised: exactly by a cause."""
+        kind, cause = KINDS[self.kind], self.cause
+        if self.own is not None:
+            for k in self.motors:
+                undone = kind.undone(undone, (k,), 1 / float(f"{1 / self.own.gains[k]:.3g}"))
+            return undone
+        return kind.undone(undone, self.motors, self.size if cause is None else cause[0])
+
+    def finding(self, model: Evidence, found: Explanation) -> Finding:
+        """In words, against how the log was explained before."""
+        title, size, do = KINDS[self.kind].call(self, model, found)
+        after, before = (
+            100 * one.error / model.sizes([one.undone])[0] for one in (self.after, found)
+        )
+        # Forces of a motor show positions of another: those of the motor that gains most count.
+        shown = model.present if KINDS[self.kind].assembled else self.motors
+        k = max(shown, key=lambda k: float(before[k] - after[k]))
+        of = "" if k in self.motors else f" of {model.names[k]}"
+        why = (
+            f"{size}undone, errors are {number(float(after[k]), 2)} % of the force{of} "
+            f"instead of {number(float(before[k]), 3)} % "
+            f"(evidence e^{self.evidence - found.evidence:.0f})"
+        )
+        return Finding("mistake", title, why, do)
 
     @property
     def factor(self) -> float:
@@ -121,92 +203,96 @@ class Mistaken(NamedTuple):
 
     @property
     def sized(self) -> str:
-        if self.own is not None:
-            return self._sized_alone(self.own)
+        """The size with its interval, in words."""
         if not self.reach:
             return ""
         return f"{self.size:.3g} ± {self.reach:.2g} times as much as expected; "
 
-    def _sized_alone(self, own: OwnGains) -> str:
-        said = list[str]()
-        for name, k in zip(self.names, own.motors, strict=True):
-            size, reach = own.gains[k], own.reach[k]
-            known = f" ± {abs(size) * reach:.2g}" * bool(0 < reach < inf)
-            said.append(f"{name} {'about ' * bool(reach == inf)}{size:.3g}{known}")
-        unknown = np.flatnonzero((own.gains == 1) & (own.reach == inf)).tolist()
-        others = [self.model.names[k] for k in unknown]
-        of = f"; that of {first_of(others, 1)} does not show" if others else ""
-        return f"{', '.join(said)} times as much as expected{of}; "
+    def names(self, model: Evidence) -> tuple[str, ...]:
+        """Of its motors; none of all."""
+        every = not (KINDS[self.kind].motors or self.own)
+        return () if every else tuple(model.names[k] for k in self.motors)
 
-    def scale(self, key: str) -> str:
+    def whose(self, model: Evidence) -> str:
+        return " and ".join(self.names(model)) or "all motors"
+
+    def scale(self, key: str, model: Evidence, found: Explanation) -> str:
         """What to set so that values are divided by the factors.
 
         What is set for forces undoes what was found before, too.
         """
-        scales, log = dict[str, float](), self.model.log
+        scales = dict[str, float]()
         if key == "force_scale":
-            scales |= {} if log is None else log.force_scales
-            for motor, gain in zip(self.model.names, self.found.undone.gain, strict=True):
+            scales |= {} if model.log is None else model.log.force_scales
+            for motor, gain in zip(model.names, found.undone.gain, strict=True):
                 if gain != 1:
                     scales[motor] = scales.get(motor, 1.0) / gain
-        motors = self.names or self.model.names
+        motors = self.names(model) or model.names
         sizes = [self.factor] * len(motors)
         if self.own is not None:
             sizes = self.own.gains[list(self.own.motors)].tolist()
         for name, size in zip(motors, sizes, strict=True):
             undo = 1 / size if self.cause else float(f"{1 / size:.3g}")
             scales[name] = scales.get(name, 1.0) * undo
-        found = [f"{name}: {x:.7g}" for name, x in scales.items() if name in motors or x != 1.0]
-        given = "{" + ", ".join(found) + "}"
-        if not self.names and len(set(scales.values())) == 1:
+        said = [f"{name}: {x:.7g}" for name, x in scales.items() if name in motors or x != 1.0]
+        given = "{" + ", ".join(said) + "}"
+        if not self.names(model) and len(set(scales.values())) == 1:
             given = f"{scales[motors[0]]:.7g}"
         return f"set {key}: {given} in the mapping"
 
 
-def _force(one: Mistaken) -> Called:
+def _force(one: Find, model: Evidence, found: Explanation) -> Called:
+    whose = one.whose(model)
     if one.reach > KNOWN * abs(one.size):  # small, however small
         most = 100 * (abs(one.size) + one.reach)
-        title = f"the force of {one.listed} is below {most:.2g} % of what is expected"
-        return (title, one.sized, "check its column and its unit: its size is not known")
-    do = one.scale("force_scale")
-    if len(one.model.names) == 1 and one.cause == (-1.0, WRONG_SIGN):  # turned positions look alike
-        do += f", or position_scale: {{{one.listed}: -1}} where it is its position that is turned"
-    return _scaled(one, f"the force of {one.listed}", "has", "is", "its", do)
+        title = f"the force of {whose} is below {most:.2g} % of what is expected"
+        return title, one.sized, "check its column and its unit: its size is not known"
+    do = one.scale("force_scale", model, found)
+    if len(model.names) == 1 and one.cause == (-1.0, WRONG_SIGN):  # turned positions look alike
+        do += f", or position_scale: {{{whose}: -1}} where it is its position that is turned"
+    return _scaled(one, f"the force of {whose}", "has", "is", "its", do)
 
 
-def _own(one: Mistaken) -> Called:
-    own, do = one.own, one.scale("force_scale")
+def _own(one: Find, model: Evidence, found: Explanation) -> Called:
+    own, do, names = one.own, one.scale("force_scale", model, found), one.names(model)
     assert own is not None
+    whose = f"forces of {first_of(names, 1)} have"
     if (own.gains[list(own.motors)] == -1).all():
-        return (f"forces of {first_of(one.names, 1)} have the {WRONG_SIGN}", "", do)
+        return f"{whose} the {WRONG_SIGN}", "", do
     if own.relative:
         do += ", times one number for all where the file's masses are off alike"
-    title = f"forces of {first_of(one.names, 1)} have gains of their own"
-    return (title, one.sized, do)
+    said = list[str]()
+    for name, k in zip(names, own.motors, strict=True):
+        size, reach = own.gains[k], own.reach[k]
+        known = f" ± {abs(size) * reach:.2g}" * bool(0 < reach < inf)
+        said.append(f"{name} {'about ' * bool(reach == inf)}{size:.3g}{known}")
+    unknown = np.flatnonzero((own.gains == 1) & (own.reach == inf)).tolist()
+    others = first_of([model.names[k] for k in unknown], 1)
+    of = f"; that of {others} does not show" * bool(unknown)
+    return f"{whose} gains of their own", f"{', '.join(said)} times as much as expected{of}; ", do
 
 
-def _position(one: Mistaken) -> Called:
-    do = f"{one.scale('position_scale')}, times what it has"
-    return _scaled(one, f"the positions of {one.listed}", "have", "are", "their", do)
+def _position(one: Find, model: Evidence, found: Explanation) -> Called:
+    do = f"{one.scale('position_scale', model, found)}, times what it has"
+    return _scaled(one, f"the positions of {one.whose(model)}", "have", "are", "their", do)
 
 
-def _scaled(one: Mistaken, what: str, has: str, is_: str, its: str, do: str) -> Called:
+def _scaled(one: Find, what: str, has: str, is_: str, its: str, do: str) -> Called:
     """Signals that are scaled: by which factor, or why."""
     size, words = one.cause or (1.0, "")
     if not words:
         # Bodies and forces times the same number move alike: only known masses tell them apart.
-        by = "" if one.names else ", as its size is known no better than the file's masses"
-        do = f"check {its} unit{by}, or {do}"
-        return (f"{what} {is_} scaled by {one.factor:g}", one.sized, do)
+        of_all = ", as its size is known no better than the file's masses"
+        do = f"check {its} unit{of_all * (not KINDS[one.kind].motors)}, or {do}"
+        return f"{what} {is_} scaled by {one.factor:g}", one.sized, do
     turned = " with the wrong sign" if size < 0 else ""
     said = f"{has} the {words}" if words == WRONG_SIGN else f"{is_} {words}{turned}"
-    return (f"{what} {said}", one.sized, do)
+    return f"{what} {said}", one.sized, do
 
 
-def _zero(one: Mistaken) -> Called:
-    (name,) = one.names
-    unit, length = one.model.robot.units(name)[0], one.model.lengths[one.model.names.index(name)]
-    off, reach = one.factor * length, one.reach * length
+def _zero(one: Find, model: Evidence, _: Explanation) -> Called:
+    name, length = model.names[one.motors[0]], model.lengths[one.motors[0]]
+    unit, off, reach = model.robot.units(name)[0], one.factor * length, one.reach * length
     return (
         f"zero of {name} is off by {off:.3g} {unit}",
         f"{one.size * length:.3g} ± {reach:.2g} {unit}; ",
@@ -214,25 +300,22 @@ def _zero(one: Mistaken) -> Called:
     )
 
 
-def _time(one: Mistaken) -> Called:
+def _time(one: Find, model: Evidence, _: Explanation) -> Called:
     size, least, most = one.factor, "", ""
     if one.reach > KNOWN * abs(one.size):  # forces show only that inertia is missing
         size, least, most = one.size + one.reach, "at least ", " or less"
     how = f"{least}{max(size, 1 / size):.3g} times too {'long' if size > 1 else 'short'}"
     do = f"multiply its times by {1 / size:.3g}{' or more' * bool(most)}"
-    if (log := one.model.log) is not None:
+    if (log := model.log) is not None:
         rate = log.rate(max(log.parts(), key=lambda p: p.stop - p.start))
         do = f"set rate: {rate * size:.6g} in the mapping{most}, or {do}"
-    return (f"the time axis is {how}", one.sized, do)
+    return f"the time axis is {how}", one.sized, do
 
 
-def _exchanged(*what: str) -> Callable[[Mistaken], Called]:
-    def called(one: Mistaken) -> Called:
-        keys = " and ".join(key[:-1] for key in what)
-        title = f"the {' and '.join(what)} of {one.listed} are exchanged"
-        return (title, "", f"exchange their columns under {keys} in the mapping")
-
-    return called
+def _exchanged(*what: str) -> Callable[[Find, Evidence, Explanation], Called]:
+    keys, whats = (" and ".join(key[:-1] for key in what)), " and ".join(what)
+    do = f"exchange their columns under {keys} in the mapping"
+    return lambda one, model, _: (f"the {whats} of {one.whose(model)} are exchanged", "", do)
 
 
 GAINS, BOTH = tuple(np.logspace(-4, 4, 17).tolist()), (1.0, -1.0)

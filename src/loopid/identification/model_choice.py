@@ -20,7 +20,7 @@ from loopid.identification.delay import drive_columns
 from loopid.identification.estimator import UNKNOWN, nearest_to_file
 from loopid.identification.force_models import AUTOMATIC
 from loopid.identification.information import body_sizes
-from loopid.identification.leaving_out import LeftOut, segments_of
+from loopid.identification.leaving_out import predicted_left_out, segments_of, values_left_out
 from loopid.identification.problem import FitSamples
 from loopid.kinematics.projection import ClosedMotion
 from loopid.logs.recording import Recording
@@ -253,7 +253,8 @@ class _Fit:
     def left_out(self, recordings: Sequence[Recording]) -> FloatArray:
         """Forces (N, dof) of each segment, predicted by fits to the others."""
         refits = {"": lambda part: self.weighed(part)[0]}
-        return LeftOut.of(self.samples, recordings, refits).predicted("", self.samples)
+        values = values_left_out(self.samples, recordings, refits)[""]
+        return predicted_left_out(self.samples, values)
 
 
 def _factor(gravity: _Fit, inertia: FloatArray, full: _Fit) -> tuple[float, float]:

@@ -38,7 +38,7 @@ from loopid.identification.information import (
     identifiability,
 )
 from loopid.identification.jackknife import Jackknife
-from loopid.identification.leaving_out import LeftOut
+from loopid.identification.leaving_out import predicted_left_out, values_left_out
 from loopid.identification.log_mistakes import LogFaults, log_faults_by_log
 from loopid.identification.missing import MissingForce, missing_forces, with_missing, with_offsets
 from loopid.identification.model_choice import ModelChoice, choose_model
@@ -322,7 +322,7 @@ def _judged(
 ) -> tuple[ForceModel, FitSamples, FitSamples, dict[str, Candidate]]:
     """Fits beside the first, on new data; the gears carry the bodies that are recommended."""
     force_model, data, new = fits.force_model, fits.data, fits.data
-    left = LeftOut.of(data, runs.training, fits.refits) if runs.left_out else None
+    left = values_left_out(data, runs.training, fits.refits) if runs.left_out else None
     if not runs.left_out:
         new = samples_of(force_model, runs.judging, n_jobs=options.n_jobs)
     judged = _candidates(fits, data, new, left)
@@ -455,11 +455,11 @@ def _friction_alone(
 
 
 def _candidates(
-    fits: _Fits, data: FitSamples, new: FitSamples, left: LeftOut | None
+    fits: _Fits, data: FitSamples, new: FitSamples, left: Mapping[str, FloatArray] | None
 ) -> dict[str, Candidate]:
     """Candidates beside the first."""
     forces = {
-        name: left.predicted(name, new) if left else new.predicted(fit.values)
+        name: predicted_left_out(new, left[name]) if left else new.predicted(fit.values)
         for name, fit in fits.fits.items()
     }
     start = fits.fits[ROBOT_FILE]

@@ -17,7 +17,7 @@ from loopid.identification.friction_curves import (
     frictional_joints,
 )
 from loopid.identification.leaving_out import single_moves, whole_logs
-from loopid.identification.missing import WAVES, missing_findings
+from loopid.identification.missing import MEND_WAVES, missing_findings
 from loopid.identification.outcome import ALL, ROUGH, Outcome
 from loopid.identification.plausibility import NOISE, NOTHING_FOLLOWS, WHOLE_FORCE
 from loopid.identification.quality import Ripples
@@ -82,7 +82,7 @@ class Verdict:
         were left out, at ``"slow"`` speed, or at ``"standstill"``.
     slowest : float
         Part of its fastest rate in the logs from which on friction of every motor is known; 0
-        without friction.
+        without friction. Below, Stribeck friction may be anything more.
     slow_error : float
         What errors may be at slower rates, in parts of the force of the motor where it is most, in
         the root mean square; 0 without friction, and where that is not known.
@@ -116,6 +116,7 @@ class Verdict:
         mistake = next(iter(found.mistakes), None)
         excite, improvement = _improvement(found)
         left_out = "logs" if whole_logs(found.data) else "segments"
+        ends = map(found.fit.rates_of, frictional_joints(found.fit))
         return cls(
             NOT_FIT if mistake else _use(found, error),
             found.new.actuators[worst],
@@ -129,7 +130,7 @@ class Verdict:
             mistake.do if mistake else improvement,
             mistake,
             where,
-            _slowest(found.fit),
+            max((slowest / fastest for slowest, fastest in filter(None, ends)), default=0.0),
             _slow_error(found),
             _reached(found),
         )
@@ -193,15 +194,6 @@ JUDGED = {
     "regions": "states left out of the fit",
 }
 AT = {"slow": ", at low speed", "standstill": ", at standstill"}
-
-
-def _slowest(fit: Fit) -> float:
-    """Part of its fastest rate from which on friction of every motor is known.
-
-    Below, a fit has what there is at that rate, and Stribeck friction may be anything more.
-    """
-    ends = (fit.rates_of(joint) for joint in frictional_joints(fit))
-    return max((slowest / fastest for slowest, fastest in filter(None, ends)), default=0.0)
 
 
 def _slow_error(found: Outcome) -> float:
@@ -274,9 +266,10 @@ def _use(found: Outcome, error: float) -> str:
     for single in _of_single_moves(found):
         return f"{NOT_FIT} beyond its own moves, as {single.title}"
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
-    if silent := _silent(found):
+    silent, _, standing = _idle(found)
+    if silent:
         use += f" but that of {first_of(silent, NAMED)}"
-    if standing := _standing(found):
+    if standing:
         use += f" with {first_of(standing, NAMED)} at standstill"
     model = _of_model(found)
     if model is not None and model.severity == "note" and found.choice is not None:
@@ -332,30 +325,20 @@ def _noisy(found: Outcome) -> Iterator[Finding]:
         )
 
 
-def _standing(found: Outcome) -> tuple[str, ...]:
-    """Motors that never move in the data."""
-    silent = _silent(found)
-    if silent and found.force_model.robot.redundant:
-        return ()  # what is left out is so by these
-    return tuple(name for name in _unused(found) if name not in silent)
-
-
-def _silent(found: Outcome) -> tuple[str, ...]:
-    """Motors whose force is zero all along."""
-    motors = found.force_model.robot.actuated
-    return tuple(name for name in silent_motors(found.training) if name in motors)
-
-
-def _unused(found: Outcome) -> tuple[str, ...]:
-    """Motors of which no sample is used."""
-    data, motors = found.data, found.force_model.robot.actuated
-    columns = zip(data.actuators, data.used.T, strict=True)
-    return tuple(name for name, used in columns if name in motors and not used.any())
+def _idle(found: Outcome) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Motors without force all along, those that these leave out, too, and those that stand."""
+    motors, columns = found.force_model.robot.actuated, found.data.used.T
+    silent = tuple(name for name in silent_motors(found.training) if name in motors)
+    both = zip(found.data.actuators, columns, strict=True)
+    unused = [name for name, used in both if not used.any()]
+    others = tuple(name for name in unused if name in motors and name not in silent)
+    left_out = silent and found.force_model.robot.redundant
+    return silent, others if left_out else (), () if left_out else others
 
 
 def _of_idle(found: Outcome) -> Iterator[Finding]:
     """What the data cannot say of motors that stand, or without force."""
-    silent, standing = _silent(found), _standing(found)
+    silent, others, standing = _idle(found)
     if standing:
         yield warning(
             f"{first_of(standing, NAMED)} never moves",
@@ -363,7 +346,6 @@ def _of_idle(found: Outcome) -> Iterator[Finding]:
             "record a motion that moves it; if it did move, its column of positions is dead",
         )
     if silent:
-        others = [name for name in _unused(found) if name not in silent]
         also = f"; so are the forces of {first_of(others, NAMED)}, as it adds to them"
         yield warning(
             f"the force of {first_of(silent, NAMED)} is zero all along",
@@ -399,7 +381,7 @@ def _of_ripples(found: Outcome, ripples: Ripples) -> Finding:
         "note",
         f"force of {motors} ripples over position",
         f"root mean squares: {'; '.join(said)}; values are fitted beside it",
-        WAVES.do,
+        MEND_WAVES,
     )
 
 

@@ -301,52 +301,26 @@ def follow_paths(
 def _followed(
     measured: MeasuredCoordinates, start: FloatArray, targets: FloatArray, options: AssemblyOptions
 ) -> Assembly:
+    """Samples (N, c) from starts (N, nq): the whole way at once, else in steps."""
     origin = measured.read(start)
     way, jacobian = measured.difference(origin, targets), measured.linearise(start, origin).unknown
-    found = correct(measured, start, targets, options.short)  # the whole way at once, else in steps
-    arrived = found.accepted & same_side(jacobian, found.jacobian)
-    q = found.configurations
-    if not arrived.all():
-        k = np.flatnonzero(~arrived)
-        path = _Path(start[k], origin[k], way[k], jacobian[k])
-        q[k], arrived[k] = _in_steps(measured, path, options)
-        q = measured.write(q, targets)
-    residual, small = _closed(measured, q, targets, options)
-    assembled = arrived & small
-    q[~assembled] = np.nan
-    return Assembly(q, residual, assembled, largest_opening(measured.robot, options.tolerance))
-
-
-class _Path(NamedTuple):
-    """Straight ways of the measured values."""
-
-    start: FloatArray  # (N, nq)
-    origin: FloatArray  # (N, c)
-    way: FloatArray  # (N, c)
-    jacobian: FloatArray  # (N, m, u) at the start, by the unknown coordinates
-
-
-def _in_steps(
-    measured: MeasuredCoordinates, path: _Path, options: AssemblyOptions
-) -> tuple[FloatArray, BoolArray]:
-    """The last points (N, nq) on paths followed in parts, and whether they are the ends."""
-    count = len(path.start)
-    # The last point on the path, its Jacobian, the part of the way done there, and the next part.
-    reached, jacobian = path.start.copy(), path.jacobian.copy()
-    done, step = np.zeros(count), np.full(count, 0.5)
-    k, tried = np.arange(count), 1
+    # The last point on the path, the part of the way done there, and the next part.
+    q, done, step = start.copy(), np.zeros(len(start)), np.ones(len(start))
+    k, tried = np.arange(len(start)), 0
     while len(k) and tried < options.most_steps:
         ahead = np.minimum(done[k] + step[k], 1.0)
         short = np.where(ahead < 1.0, options.rough, options.short)
-        values = path.origin[k] + ahead[:, None] * path.way[k]
-        found = correct(measured, reached[k], values, short)
+        values = targets[k] - (1.0 - ahead)[:, None] * way[k]
+        found = correct(measured, q[k], values, short)
         good = found.accepted & same_side(jacobian[k], found.jacobian)
         there = k[good]
-        reached[there], jacobian[there] = found.configurations[good], found.jacobian[good]
+        q[there], jacobian[there] = found.configurations[good], found.jacobian[good]
         done[there] = ahead[good]
         step[k] *= np.where(good, 2.0, 0.5)
         k, tried = k[(done[k] < 1.0) & (step[k] >= options.shortest_step)], tried + 1
-    return reached, done >= 1.0
+    if (done < 1.0).any():
+        q = measured.write(q, targets)
+    return _judged(measured, q, targets, done >= 1.0, options)
 
 
 def largest_opening(robot: Robot, tolerance: float = CLOSURE_TOLERANCE) -> float:
@@ -354,18 +328,19 @@ def largest_opening(robot: Robot, tolerance: float = CLOSURE_TOLERANCE) -> float
     return max(tolerance * robot.length, 2.0 * robot.closure_residual)
 
 
-def _no_samples(robot: Robot, options: AssemblyOptions) -> Assembly:
-    none, tolerance = np.empty(0), largest_opening(robot, options.tolerance)
-    return Assembly(np.empty((0, robot.model.nq)), none, none.astype(bool), tolerance)
-
-
-def _closed(
-    measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, options: AssemblyOptions
-) -> tuple[FloatArray, BoolArray]:
-    """Largest residuals (N,) in m, and where they are small enough."""
+def _judged(
+    measured: MeasuredCoordinates,
+    q: FloatArray,
+    targets: FloatArray,
+    good: BoolArray,
+    options: AssemblyOptions,
+) -> Assembly:
+    """Configurations (N, nq), of which those are assembled that are good, and closed."""
     residual = np.abs(measured.residual(q, targets)).max(axis=1, initial=0.0)
-    least = largest_opening(measured.robot, options.tolerance)
-    return residual, np.asarray(residual <= least, dtype=bool)
+    most = largest_opening(measured.robot, options.tolerance)
+    assembled = good & (residual <= most)
+    q[~assembled] = np.nan
+    return Assembly(q, residual, assembled, most)
 
 
 class Correction(NamedTuple):
@@ -433,8 +408,9 @@ def follow_trajectory(
     options: AssemblyOptions = USUAL,
 ) -> Assembly:
     """Follow the straight line to each sample (N, c) from the last one that was reached."""
-    none = _no_samples(measured.robot, options)
-    parts, first, window, alone = [none], 0, WINDOW, 1
+    if not len(targets):
+        return follow_paths(measured, start[None], targets, options)
+    parts, first, window, alone = list[Assembly](), 0, WINDOW, 1
     while first < len(targets):
         part = _together(measured, start, targets[first : first + window], options)
         count = len(part.residual)
@@ -466,19 +442,15 @@ def _together(
     steps = measured.difference(here, targets) @ home.tangent[0].T
     length = np.abs(steps).max(axis=1, initial=0.0)
     near = _leading_true(length <= LONGEST_STEP)
-    if not near:
-        return _no_samples(measured.robot, options)
     targets, steps, length = targets[:near], steps[:near], length[:near]
     guess = integrate(measured.robot, np.tile(start, (near, 1)), measured.tangent(steps))
     found = correct(measured, guess, targets, options.short)
     q = found.configurations
-    residual, small = _closed(measured, q, targets, options)
     rest = np.abs(measured.steps(guess, q)).max(axis=1, initial=0.0)
-    good = found.accepted & small & (rest <= CONTRACTION * length + options.short)
+    good = found.accepted & (rest <= CONTRACTION * length + options.short)
     good &= same_side(np.repeat(home.jacobian, near, axis=0), found.jacobian)
-    count = _leading_true(good)
-    tolerance = largest_opening(measured.robot, options.tolerance)
-    return Assembly(q[:count], residual[:count], good[:count], tolerance)
+    outcome = _judged(measured, q, targets, good, options)
+    return outcome.first(_leading_true(outcome.assembled))
 
 
 def _leading_true(values: BoolArray) -> int:

@@ -25,6 +25,7 @@ from loopid.arguments import (
     for_each,
     rectangular,
     samples,
+    times,
 )
 from loopid.errors import DataError, OptionError, shown
 from loopid.logs.grid import (
@@ -98,8 +99,11 @@ class ExternalWrench:
     about: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        values = samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}")
-        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "values", self.rows())
+
+    def rows(self, count: int | None = None) -> FloatArray:
+        """The values (N, 6), of as many samples as required."""
+        return samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}", count)
 
 
 @record(kw_only=True, checked=True)
@@ -178,7 +182,7 @@ class Log(Tabular):
         twice = next((name for name in self.joints if self.joints.count(name) > 1), None)
         if twice is not None:
             raise DataError(f"joints: {twice} is named twice", argument="joints", given=twice)
-        time = _row(self.time)
+        time = times(self.time)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "segments", _segments(self.segments, len(time)))
         for name in QUANTITIES:
@@ -186,7 +190,7 @@ class Log(Tabular):
                 values = samples(getattr(self, name), len(self.joints), name, len(time))
                 object.__setattr__(self, name, values)
         for wrench in self.wrenches:
-            samples(wrench.values, len(COMPONENTS), f"the wrench on {wrench.frame}", len(time))
+            wrench.rows(len(time))
         free = {name: free_values(name, own, len(time)) for name, own in self.free.items()}
         object.__setattr__(self, "free", free)
         if self.saturation is not None:
@@ -264,7 +268,7 @@ class Log(Tabular):
         joints, units = tuple(joints), units or {}
         for quantity in units:
             OptionError.require("quantity with a unit", quantity, UNITS)
-        at = _row(time, repeated=True) * _unit("time", units.get("time")).scale
+        at = times(time, repeated=True) * _unit("time", units.get("time")).scale
         given = dict(zip(QUANTITIES, (position, force, velocity, acceleration), strict=True))
         signals, slides = dict[str, FloatArray](), dict[str, bool]()
         for quantity, values in given.items():
@@ -280,12 +284,7 @@ class Log(Tabular):
                 for joint, unit in zip(joints, own, strict=True)
                 if unit.straight is not None
             }
-        signals |= {
-            wrench_name(k): samples(
-                one.values, len(COMPONENTS), f"the wrench on {one.frame}", len(at)
-            )
-            for k, one in enumerate(wrenches)
-        }
+        signals |= {wrench_name(k): one.rows(len(at)) for k, one in enumerate(wrenches)}
         signals |= {
             free_name(joint): free_values(joint, own, len(at))
             for joint, own in (free or {}).items()
@@ -510,21 +509,6 @@ def _moved(values: FloatArray, steps: float) -> tuple[FloatArray, BoolArray]:
 
 
 # ---- arrays and tables of others ---------------------------------------------------------------
-
-
-def _row(time: ArrayLike, *, repeated: bool = False) -> FloatArray:
-    """Times (N,), which increase, or at least do not go back."""
-    values = finite(time, "time")
-    back = np.less if repeated else np.less_equal
-    if values.ndim != 1 or not len(values):
-        message = f"time must have shape (samples,), not {values.shape}"
-        raise DataError(message, argument="time", given=values.shape)
-    wrong = np.flatnonzero(back(np.diff(values), 0))
-    if len(wrong):
-        before, after = values[wrong[0] : wrong[0] + 2]
-        message = f"time must increase, but entry {wrong[0] + 1} is {after:g} after {before:g}"
-        raise DataError(message, argument="time", given=after)
-    return values
 
 
 def _segments(given: ArrayLike, count: int) -> IntArray:

@@ -30,11 +30,9 @@ class TimeColumns(Section):
 
     @model_validator(mode="after")
     def _one_way(self) -> TimeColumns:
-        pair = [self.seconds, self.nanoseconds]
-        if self.column is None and None in pair:
-            raise ValueError("give 'column', or both 'seconds' and 'nanoseconds'")
-        if self.column is not None and pair != [None, None]:
-            raise ValueError("give either 'column', or 'seconds' and 'nanoseconds'")
+        missing = [self.seconds, self.nanoseconds].count(None)
+        if missing != (0 if self.column is None else 2):
+            raise ValueError("give either 'column', or both 'seconds' and 'nanoseconds'")
         return self
 
 
@@ -268,20 +266,9 @@ class LogMapping(Section):
     def with_gains(
         self, gains: Mapping[str, float], scales: Sequence[Mapping[str, float]]
     ) -> LogMapping:
-        """The mapping by which forces are this many times as large.
+        """The mapping by which forces are this many times as large, by joint; 1 of those left out.
 
-        Parameters
-        ----------
-        gains : mapping
-            By joint; 1 of those left out.
-        scales : sequence of mapping
-            What forces of each log were scaled by (``Log.force_scales``): as this mapping says, or
-            the headers.
-
-        Raises
-        ------
-        OptionError
-            When logs were scaled differently, or motors move joints together.
+        ``scales`` are those of each log (``Log.force_scales``): of this mapping, or of the headers.
         """
         if self.joint_maps:
             raise OptionError("gains are of joints, which joint_maps make of several motors each")
@@ -326,10 +313,4 @@ def mapping_of(given: LogMapping | str | Path | None) -> LogMapping:
     """A mapping, that of a file, or one that says nothing."""
     if isinstance(given, LogMapping):
         return given
-    return LogMapping() if given is None else read_mapping(given)
-
-
-@checked
-def read_mapping(path: str | Path) -> LogMapping:
-    """Read and validate a mapping file."""
-    return read_yaml(Path(path), LogMapping, LogError)
+    return LogMapping() if given is None else read_yaml(Path(given), LogMapping, LogError)

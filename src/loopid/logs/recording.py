@@ -28,7 +28,6 @@ from loopid.kinematics.sampling import least_measure
 from loopid.logs.checks import frame_index
 from loopid.logs.grid import Dropped
 from loopid.logs.log import ExternalWrench, Log
-from loopid.logs.table import COMPONENTS
 from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
@@ -407,14 +406,11 @@ class Recording(Tabular):
         LogError
             When there are none in which a motor moves.
         """
-        for name, given in (("start", start), ("end", end)):
-            if np.isnan(given):
-                raise OptionError(f"{name} must be a time in s, not nan", argument=name)
         time = self.motion.time
-        if start < min(0.0, time[0]):
+        if not start >= min(0.0, time[0]):
             said = f"start must be a time in s from the start of the log, not {start:g}"
             raise OptionError(said, argument="start", given=start)
-        if end <= start:
+        if not end > start:
             raise OptionError(f"end must be above start, {start:g} s, not {end:g}", argument="end")
         part = self.select((time >= start) & (time <= end))
         if self.used.any() and not part.used.any():
@@ -493,7 +489,7 @@ def wrench_forces(
     forces = np.zeros((len(q), len(robot.independent)))
     frames = [frame_index(robot, wrench.frame) for wrench in wrenches]
     for wrench in wrenches:
-        samples(wrench.values, len(COMPONENTS), f"the wrench on {wrench.frame}", len(q))
+        wrench.rows(len(q))
     for rows in row_blocks(len(q)) if wrenches else ():
         poses, G = frame_poses(robot, q[rows], frames), project(robot, q[rows]).G
         tau = np.zeros(G.shape[:2])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -18,7 +17,7 @@ from loopid.errors import DataError, OptionError, RobotFileError, unknown_word
 from loopid.loading.files import find_motion_file
 from loopid.motion.trajectories import Arc, FourierCurve, Motion, Waypoint, point_to_point
 from loopid.records import record
-from loopid.yaml_files import placing, read_yaml, yaml_writer
+from loopid.yaml_files import placing, read_yaml, yaml_text
 
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
 MOST_WAYS = 100_000
@@ -367,24 +366,19 @@ def _planned(name: str, motion: MotionDescription, place: Place) -> PlannedMotio
 
 
 def motion_text(
-    name: str,
-    description: str,
-    coordinates: tuple[str, ...],
-    rate: float,
-    start: FloatArray,
-    waypoints: Iterable[Waypoint],
+    name: str, description: str, motion: Motion, start: FloatArray, waypoints: Iterable[Waypoint]
 ) -> str:
-    """The file of one motion from a start, as ``read_motion_program`` reads it."""
+    """The file of one motion from a start (c,), as ``read_motion_program`` reads it."""
 
     def pose(values: FloatArray) -> dict[str, float]:
-        return dict(zip(coordinates, values.tolist(), strict=True))
+        return dict(zip(motion.names, values.tolist(), strict=True))
 
-    here, steps, text = start, list[dict[str, Any]](), io.StringIO()
+    here, steps = start, list[dict[str, Any]]()
     for waypoint in waypoints:
         curve, step = waypoint.curve, dict[str, Any](seconds=float(waypoint.seconds))
         if isinstance(curve, FourierCurve):
             parts = (part.T.tolist() for part in np.split(curve.shape, 2))
-            both = zip(coordinates, *parts, strict=True)
+            both = zip(motion.names, *parts, strict=True)
             step = {"fourier": {x: {"sine": s, "cosine": c} for x, s, c in both}} | step
         elif (waypoint.position == here).all():
             step = {"hold": step["seconds"]}
@@ -392,7 +386,6 @@ def motion_text(
             step = {"to": pose(waypoint.position)} | step
         steps.append(step)
         here = waypoint.position
-    motion = {"description": description, "start": pose(start), "steps": steps}
-    content = {"coordinates": list(coordinates), "rate": rate, "motions": {name: motion}}
-    yaml_writer().dump(content, text)
-    return text.getvalue()
+    rate = float((len(motion) - 1) / motion.duration)
+    said = {"description": description, "start": pose(start), "steps": steps}
+    return yaml_text({"coordinates": [*motion.names], "rate": rate, "motions": {name: said}})

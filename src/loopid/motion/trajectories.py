@@ -8,13 +8,14 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import MOST_SAMPLES, FloatArray, Positive, checked, finite, shaped
+from loopid.arguments import MOST_SAMPLES, FloatArray, Positive, checked, finite, shaped, times
 from loopid.errors import DataError
 from loopid.numbers import SUM_ROUND_OFF
 from loopid.records import Tabular, columns_of, record
 
 # Rate and acceleration at the ends, as parts of the largest terms, that count as rest.
 REST = 1e-9
+DERIVATIVES = "position", "velocity", "acceleration"
 
 
 @record(checked=True)
@@ -37,14 +38,9 @@ class Motion(Tabular):
     acceleration: FloatArray
 
     def __post_init__(self) -> None:
-        time = finite(self.time, "time")
-        if time.ndim != 1 or len(time) == 0:
-            raise DataError(f"time must have shape (samples,), not {time.shape}")
-        backwards = np.flatnonzero(np.diff(time) <= 0)
-        if len(backwards):
-            raise DataError(f"time must increase, but does not after sample {backwards[0]}")
+        time = times(self.time)
         object.__setattr__(self, "time", time)
-        for name in ("position", "velocity", "acceleration"):
+        for name in DERIVATIVES:
             values = shaped(getattr(self, name), name, len(time), len(self.names))
             object.__setattr__(self, name, values)
 
@@ -55,13 +51,8 @@ class Motion(Tabular):
         return f"<Motion of {', '.join(self.names)}: {len(self)} samples, {self.duration:g} s>"
 
     def _table(self) -> dict[str, FloatArray]:
-        return columns_of(
-            self.names,
-            self.time,
-            position=self.position,
-            velocity=self.velocity,
-            acceleration=self.acceleration,
-        )
+        quantities = {name: getattr(self, name) for name in DERIVATIVES}
+        return columns_of(self.names, self.time, **quantities)
 
     @property
     def duration(self) -> float:

@@ -5,7 +5,6 @@ from .identified import (
     filter_chart as filter_chart,
     friction_chart as friction_chart,
     gains_chart as gains_chart,
-    hysteresis_chart as hysteresis_chart,
     joints_chart as joints_chart,
     masses_chart as masses_chart,
     model_errors_chart as model_errors_chart,

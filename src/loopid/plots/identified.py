@@ -17,7 +17,6 @@ from loopid.identification.friction_curves import (
     friction_summary,
     frictional_joints,
 )
-from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.identification import Identification
 from loopid.identification.information import body_sizes
 from loopid.identification.log_mistakes import LogFaults
@@ -144,7 +143,10 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
         curve = friction_curve(fit, joint, rates)
         for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
-            marks += _banded(rates[half], curve.values[half], curve.band[half])
+            low, high = curve.band[half].T
+            if np.isfinite(low).all() and np.isfinite(high).all():
+                marks.append(Mark("95 % interval", rates[half], low, "fit", "band", high))
+            marks.append(Mark("friction", rates[half], curve.values[half], "fit"))
         # Next to standstill hardly anything is known: bands there would flatten the rest.
         most = ROOM * float(np.quantile(np.abs(curve.band), MOST))
         limits = (-most, most) if np.isfinite(most) and most else None
@@ -153,60 +155,15 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         said = of_motor(robot, joint, worst) | {"note": note, "y_limits": limits}
         panels.append(Panel(f"friction ({robot.units(joint)[1]})", tuple(marks), **said))
     caption = "Friction over the rate of each motor, by the recommended fit."
-    return _by_motor("friction", caption, f"rate ({_units(robot, 'rad/s', 'm/s')})", panels)
-
-
-def _units(robot: Robot, turning: str, sliding: str) -> str:
-    """Unit of all motors; both where some turn and some slide."""
-    both = {sliding if robot.slides(name) else turning for name in robot.actuated}
-    return " or ".join(sorted(both, reverse=True))
-
-
-def _banded(x: FloatArray, values: FloatArray, band: FloatArray) -> list[Mark]:
-    """Friction, and its interval where that is known."""
-    reach = Mark("95 % interval", x, band[:, 0], "fit", "band", band[:, 1])
-    return [reach] * bool(np.isfinite(band).all()) + [Mark("friction", x, values, "fit")]
+    units = {"m/s" if robot.slides(name) else "rad/s" for name in robot.actuated}
+    rate = f"rate ({' or '.join(sorted(units, reverse=True))})"
+    return _by_motor("friction", caption, rate, panels)
 
 
 def value_text(each: Estimate, assumed: Sequence[str] = ()) -> str:
     """A value with its standard error and unit; no error of what keeps the robot file's value."""
     value, error = with_error(each.value, 0.0 if each.name in assumed else each.standard_error)
     return f"{value} {f'± {error} ' * (error != '-')}{each.unit}".strip()
-
-
-@checked
-def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
-    """Friction of motors whose friction builds up after a reversal, by the recommended fit.
-
-    Parameters
-    ----------
-    found : Identification
-    worst : str
-        The motor that is marked.
-
-    Returns
-    -------
-    Chart
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("five_bar")
-    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
-    >>> loopid.plots.hysteresis_chart(found).panels  # friction of these motors does not build up
-    ()
-    """
-    fit, robot, panels = found.fit, found.force_model.robot, list[Panel]()
-    for joint in hysteretic_joints(fit):
-        loop = hysteresis_loop(fit, joint)
-        marks = _banded(1e3 * loop.displacement, loop.force, loop.band)
-        title = f"friction ({robot.units(joint)[1]})"
-        panels.append(Panel(title, tuple(marks), **of_motor(robot, joint, worst)))
-    caption = (
-        "Friction over the displacement of a slow way to and fro, by the recommended fit: what "
-        "builds up after each reversal."
-    )
-    return _by_motor("hysteresis", caption, f"displacement ({_units(robot, 'mrad', 'mm')})", panels)
 
 
 @checked

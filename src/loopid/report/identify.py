@@ -146,10 +146,7 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
     lead = "What is left should look like noise: no drift, no steps where a motor turns."
     forces = [*_forces(found, motors, worst)]
     yield Section("Forces left unexplained over time", tuple(forces), lead=lead, short="Forces")
-    friction = (
-        charts.friction_chart(found, worst=worst),
-        charts.hysteresis_chart(found, worst=worst),
-    )
+    friction = (charts.friction_chart(found, worst=worst),)
     if drawn := tuple(each for each in friction if each.panels):
         yield Section("Friction of each motor", drawn, short="Friction")
     drawn = charts.parameters_chart(found), charts.joints_chart(found), charts.masses_chart(found)

@@ -32,16 +32,7 @@ class Slider:
 
 @record(checked="outside")
 class ScenePose:
-    """What is where at a configuration, in m along the fixed axes.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("five_bar")
-    >>> pose = loopid.view.Scene(robot).at(robot.reference)
-    >>> pose.residual < 1e-9, pose.origins.shape
-    (True, (5, 3))
-    """
+    """What is where at a configuration, in m along the fixed axes."""
 
     configuration: FloatArray  # (nq,)
     values: FloatArray  # of the sliders

@@ -23,7 +23,8 @@ from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import OptionError, optional
 from loopid.identification.result import Fit, fit_file, load_fit
 from loopid.logs.mapping import LogMapping
-from loopid.logs.reading import read_recording
+from loopid.logs.preparing import prepare
+from loopid.logs.reading import read_log
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.robot.robot import Robot
@@ -424,7 +425,7 @@ def open_viewer(
             planned = read_motion_program(path).motion(rate=RATE)
             motions[path] = joint_motion(robot, planned)
         else:
-            motions[path] = read_recording(path, robot, mapping).motion
+            motions[path] = prepare(robot, read_log(path, robot, mapping=mapping)).motion
     if len(motions) > 1:
         raise OptionError(f"only one log or motion can be played, not {', '.join(motions)}")
     return Viewer(robot, motion=next(iter(motions.values()), None), fits=fits, port=port)
