@@ -64,6 +64,17 @@ def test_a_log_that_differs_from_others_is_named_with_what_differs(case, what, s
         assert what is None or f"of {name} differs" in found.finding().title
 
 
+def test_a_log_that_differs_is_named_where_load_and_size_explain_it_alike(case):
+    both = case(
+        lambda force, loaded: loaded + 0.085 * force,
+        case.other("two"),
+        start=0.0,
+        look=log_difference,
+    )
+    assert both.after < 0.2 * both.before
+    assert both.finding().title == "the load or forces of two differ from those of other logs"
+
+
 @pytest.mark.parametrize(
     "spoil",
     [

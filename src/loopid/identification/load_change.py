@@ -40,7 +40,7 @@ class LogChange:
     name : str
         Of the log; of two the second.
     what : str
-        ``"load"``, or ``"size"`` of forces.
+        ``"load"``, ``"size"`` of forces, or ``"either"`` where both explain it.
     before, after : float
         Errors of all motors, in parts of their forces in the root mean square, without and with it.
     time : float or None
@@ -56,7 +56,7 @@ class LogChange:
     def finding(self, several: bool = True) -> Finding:
         """In words, with the log's name where there are several."""
         (title, allowed), when = DIFFERS[self.what], "there"
-        title = f"{title.format(self.name)} from that of other logs"
+        title = title.format(self.name)
         do = f"identify {self.name} and the others apart"
         if self.time is not None:
             title = f"the load changes at {self.time:.2f} s{f' of {self.name}' * several}"
@@ -69,8 +69,15 @@ class LogChange:
 
 # What may differ: the title, and what is allowed for.
 DIFFERS = {
-    "load": ("the load of {} differs", "a body that is lighter or heavier"),
-    "size": ("the size or zero of forces of {} differs", "others of each motor"),
+    "load": ("the load of {} differs from that of other logs", "a body that is lighter or heavier"),
+    "size": (
+        "the size or zero of forces of {} differs from that of other logs",
+        "others of each motor",
+    ),
+    "either": (
+        "the load or forces of {} differ from those of other logs",
+        "a body that is lighter or heavier, or forces of another size or zero",
+    ),
 }
 
 
@@ -116,8 +123,10 @@ def log_difference(
         parts[name, "size"] = products.part_with_size(rows)
     (name, what), left = min(parts.items(), key=lambda each: each[1])
     others = [part for (_, other), part in parts.items() if other != what]
-    if np.sqrt(left) > min(LEFT, RIVAL * np.sqrt(min(others))):
+    if np.sqrt(left) > LEFT:
         return None
+    if np.sqrt(left) > RIVAL * np.sqrt(min(others)):
+        what = "either"
     return LogChange(name, what, before, before * float(np.sqrt(left)))
 
 
