@@ -52,10 +52,7 @@ REPORTS = {
 
 def base(robot, model):
     observation = loopid.regressors.structural_observation(robot, model)
-    alone = observation.motors_alone
-    found = loopid.base_parameters.find_base(observation)
-    other = None if alone is None else loopid.base_parameters.find_base(alone)
-    return base_report(robot, model, found, other)
+    return base_report(robot, model, loopid.base_parameters.find_base(observation))
 
 
 def prediction(study):

@@ -1,13 +1,13 @@
 """Blocks of a choice problem: parts that can be searched apart, and good selections of each, fast.
 
 Of a block k vectors are selected, the rows X_S. "Smallest" and "largest" mean eigenvalues of
-X_S X_Sᵀ throughout the exact search. A good selection comes from pivoted QR, then swaps above a
-barrier that closes in on the eigenvalues [Batson2012]. Derivation in docs/derivations.md.
+X_S X_Sᵀ throughout the exact search. A good selection comes from pivoted QR, then swaps between
+barriers that close in on the eigenvalues [Batson2012]. Derivation in docs/derivations.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -25,7 +25,9 @@ from loopid.base_parameters.structure import base_columns, independent_blocks
 # Vectors count as equal up to their sign when they differ by this fraction of their norm.
 PARALLEL = 1e-10
 NEARLY_PARALLEL = 1e-6  # of the product of norms, by which the inner product falls short of it
-FRACTION = 0.97  # of the smallest eigenvalue, that the barrier is at
+BELOW, ABOVE = 1.0, -1.0
+SIDES = ((BELOW,), (BELOW, ABOVE))
+FRACTION = 0.97  # of the eigenvalue next to a barrier, that it is at
 LEAST_GAIN = 1e-6  # relative, in the potential, to be worth a swap
 # A swap keeps at least this fraction of |det (M - b I)|, which is well clear of round-off.
 LEAST_VOLUME = 1e-6
@@ -237,75 +239,91 @@ def good_selection(block: Block, budget: Budget) -> IntArray:
         values = np.linalg.svd(block.vectors[every], compute_uv=False) ** 2
         ratios = values[:, -1] / np.maximum(values[:, 0], LEAST_RATIO)
         return np.asarray(every[ratios.argmax()])
-    first = np.sort(pivots(block.vectors, block.count))
+    best = np.sort(pivots(block.vectors, block.count))
+    first = best
     try:
-        return min(first, walked(block, first, budget), key=lambda own: block.levels(own).ratio)
+        for sides in SIDES:
+            walk = walked(block, first, budget, sides)
+            best = min(best, walk, key=lambda own: block.levels(own).ratio)
     except OutOfBudgetError:
-        return first
+        pass
+    return best
 
 
-def walked(block: Block, selection: IntArray, budget: Budget) -> IntArray:
-    """Swap until the potential is at rest, close in with the barrier, and so on.
+def walked(
+    block: Block, selection: IntArray, budget: Budget, sides: Sequence[float] = (BELOW,)
+) -> IntArray:
+    """Swap until the potential is at rest, close in with the barriers, and so on.
 
-    Of the selections (k,) at rest the one with the highest smallest eigenvalue. It may be the given
-    one.
+    Of the selections (k,) at rest the one with the highest smallest eigenvalue. With barriers on
+    both sides it is the one with the lowest ratio. It may be the given one.
     """
-    chosen, best, least = selection, selection, 0.0
+    chosen, best, least = selection, selection, np.inf
     for _ in range(MOST_STAGES):
         levels = block.levels(chosen)
         if not levels.smallest > LEAST_RATIO * levels.largest:
             break
-        if not levels.smallest > least * (1 + LEAST_GAIN):
+        value = levels.ratio if ABOVE in sides else 1 / levels.smallest
+        if not value < least * (1 - LEAST_GAIN):
             break
-        best, least = chosen, levels.smallest
-        barrier = Barrier.at(FRACTION * least, block.vectors, chosen)
-        chosen = _at_rest(barrier, chosen, budget)
+        best, least = chosen, value
+        barriers = []
+        for side in sides:
+            outermost = levels.smallest if side == BELOW else levels.largest
+            level = outermost * FRACTION if side == BELOW else outermost / FRACTION
+            # The weight makes the potential a number without unit.
+            barriers.append((outermost, Barrier.at(level, block.vectors, chosen, side)))
+        chosen = _at_rest(barriers, chosen, budget)
     return np.sort(best)
 
 
-def _at_rest(barrier: Barrier, selection: IntArray, budget: Budget) -> IntArray:
-    """The best swap of all, again and again, while it lowers the potential."""
+def _at_rest(
+    barriers: Sequence[tuple[float, Barrier]], selection: IntArray, budget: Budget
+) -> IntArray:
+    """The best swap of all, again and again, while it lowers the weighted potentials."""
     chosen = selection.copy()
-    rest = np.setdiff1d(np.arange(len(barrier.first)), chosen)
+    rest = np.setdiff1d(np.arange(len(barriers[0][1].first)), chosen)
     for _ in range(MOST_SWAPS if len(rest) else 0):
         budget.check()
-        changes = barrier.changes(chosen, rest)
+        changes = np.sum([weight * it.changes(chosen, rest) for weight, it in barriers], axis=0)
         place, other = np.unravel_index(changes.argmin(), changes.shape)
+        potential = sum(weight * barrier.potential for weight, barrier in barriers)
         # A potential is the trace of a positive matrix: to fall below zero takes round-off.
-        if not -barrier.potential < changes[place, other] < -LEAST_GAIN * barrier.potential:
+        if not -potential < changes[place, other] < -LEAST_GAIN * potential:
             break
         out, into = int(chosen[place]), int(rest[other])
-        barrier = barrier.swapped(out, into)
+        barriers = [(weight, barrier.swapped(out, into)) for weight, barrier in barriers]
         chosen[place], rest[other] = into, out
     return chosen
 
 
 @dataclass(frozen=True)
 class Barrier:
-    """Every swap of a selection, seen from a barrier b below its eigenvalues.
+    """Every swap of a selection, seen from a barrier b on one side of its eigenvalues.
 
-    With E = (M - b I)⁻¹, ``first`` is P = X E Xᵀ (n, n), ``second`` Q = X E² Xᵀ, and ``potential``
-    tr E.
+    ``side`` is 1 where the barrier is below them, -1 above. With E = (side (M - b I))⁻¹, ``first``
+    is P = X E Xᵀ (n, n), ``second`` Q = X E² Xᵀ, and ``potential`` tr E.
     """
 
+    side: float
     first: FloatArray
     second: FloatArray
     potential: float
 
     @classmethod
-    def at(cls, level: float, vectors: FloatArray, chosen: IntArray) -> Barrier:
-        """The barrier at a level, which all eigenvalues of the selection must be above."""
+    def at(cls, level: float, vectors: FloatArray, chosen: IntArray, side: float) -> Barrier:
+        """The barrier at a level; all eigenvalues of the selection must be on its other side."""
         _, values, right = np.linalg.svd(vectors[chosen])
-        inverse = 1 / (values**2 - level)
+        inverse = side / (values**2 - level)
         along = vectors @ right.T
         first, second = (along * inverse) @ along.T, (along * inverse**2) @ along.T
-        return cls(first, second, float(inverse.sum()))
+        return cls(side, first, second, float(inverse.sum()))
 
     def changes(self, chosen: IntArray, rest: IntArray) -> FloatArray:
         """Change (k, n - k) of the potential by each swap; infinite where it gets too close."""
-        p, q = np.diag(self.first), np.diag(self.second)
+        p, q = self.side * np.diag(self.first), self.side * np.diag(self.second)
         between = self.first[np.ix_(chosen, rest)]
-        # Factors of det (M - b I), positive where all eigenvalues stay above.
+        # Factors of det (M - b I), positive where all eigenvalues stay on their side.
         volumes = (1 - p[chosen, None]) * (1 + p[rest]) + between**2
         crossed = between * self.second[np.ix_(chosen, rest)]
         numerators = (1 + p[rest]) * q[chosen, None] - 2 * crossed - (1 - p[chosen, None]) * q[rest]
@@ -317,11 +335,12 @@ class Barrier:
         """The same barrier with one row of X taken out of the selection for another."""
         pair = [out, into]
         P, Q = self.first[:, pair], self.second[:, pair]
-        # Woodbury: E loses E U K⁻¹ Uᵀ E, with the two rows in U and K = diag(-1, 1) + Uᵀ E U.
-        inverse = np.linalg.pinv(np.diag([-1.0, 1.0]) + P[pair])
+        # Woodbury: E loses E U K⁻¹ Uᵀ E, with the two rows in U and K = ∓diag(1, -1) + Uᵀ E U.
+        inverse = np.linalg.pinv(np.diag([-self.side, self.side]) + P[pair])
         turned = P @ inverse
         mixed = turned @ Q.T
         return Barrier(
+            self.side,
             self.first - turned @ P.T,
             self.second - mixed - mixed.T + turned @ Q[pair] @ turned.T,
             self.potential - float(np.sum(inverse * Q[pair])),
