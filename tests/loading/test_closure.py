@@ -107,7 +107,7 @@ def test_names_that_the_tree_has_not_are_refused_with_its_file(given):
     _, urdf, options = given
     with pytest.raises(RobotFileError, match=r"five_bar\.urdf: unknown frame 'tip': choose among"):
         loopid.load(urdf, **options | {"closures": [loopid.Closure("tip", "left_crank")]})
-    with pytest.raises(OptionError, match="motors: joint left_crank_joint is listed twice"):
+    with pytest.raises(OptionError, match="joint left_crank_joint is listed twice among"):
         loopid.load(urdf, motors=["left_crank_joint"] * 2)
 
 

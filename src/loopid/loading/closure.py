@@ -162,8 +162,5 @@ def with_more(
         "reference": given.reference | dict(reference or {}),
     }
     if motors is not None:
-        twice = next((name for name in motors if list(motors).count(name) > 1), None)
-        if twice is not None:
-            raise OptionError(f"motors: joint {twice} is listed twice", given=twice)
         update["name_mot"] = list(motors)
     return given.model_copy(update=update)
