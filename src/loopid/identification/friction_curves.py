@@ -68,7 +68,7 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     """Friction of a joint over its rate, of all its terms that depend on the rate alone.
 
     Beyond the rates of the samples that were fitted (``fit.use``) the band holds, too, what a
-    curve may do there.
+    curve may do there. It is infinite of assumed parameters.
 
     Parameters
     ----------
@@ -96,6 +96,8 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
     (array([-0.1,  0.1]), True)
     """
+    from scipy.special import stdtrit  # slow to import
+
     columns = friction_columns(fit, joint)
     if not columns:
         raise OptionError.unknown("joint with friction", joint, frictional_joints(fit))
@@ -103,8 +105,12 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     if rate.ndim != 1:
         raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
     laws = _laws(fit, joint, rate)
-    doubt = friction_doubt(fit, joint, rate, np.abs(laws @ fit.values[columns]))
-    values, reach = with_reach(fit, columns, laws, doubt)
+    values, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
+    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0)
+    error = np.sqrt(variance + friction_doubt(fit, joint, rate, np.abs(values)) ** 2)
+    freedom = float(fit.degrees_of_freedom[columns].min())
+    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).names} & {*fit.assumed}
+    reach = stdtrit(freedom, 0.975) * error if sure else np.full(len(rate), np.inf)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
 
 
@@ -207,23 +213,6 @@ def _laws(fit: Estimates, joint: str, rates: FloatArray) -> FloatArray:
     state = fit.joint_terms.state(JointState(None, rates, None))
     kinds = [fit.parameters[j].kind for j in friction_columns(fit, joint)]
     return signals(kinds, state, len(rates))
-
-
-def with_reach(
-    fit: Estimates, columns: Sequence[int], laws: FloatArray, doubt: FloatArray | float = 0.0
-) -> tuple[FloatArray, FloatArray]:
-    """Forces (k,) of some columns of a fit by laws (k, columns), and half of their 95 % intervals.
-
-    These hold a further deviation, ``doubt``, and are infinite of assumed parameters.
-    """
-    from scipy.special import stdtrit  # slow to import
-
-    spread = fit.covariance[np.ix_(columns, columns)]
-    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0) + np.square(doubt)
-    freedom = float(fit.degrees_of_freedom[columns].min())
-    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).names} & {*fit.assumed}
-    reach = stdtrit(freedom, 0.975) * np.sqrt(variance) if sure else np.full(len(laws), np.inf)
-    return laws @ fit.values[columns], reach
 
 
 def friction_doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
