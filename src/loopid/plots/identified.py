@@ -143,7 +143,10 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
         curve = friction_curve(fit, joint, rates)
         for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
-            marks += _banded(rates[half], curve.values[half], curve.band[half])
+            low, high = curve.band[half].T
+            if np.isfinite(low).all() and np.isfinite(high).all():
+                marks.append(Mark("95 % interval", rates[half], low, "fit", "band", high))
+            marks.append(Mark("friction", rates[half], curve.values[half], "fit"))
         # Next to standstill hardly anything is known: bands there would flatten the rest.
         most = ROOM * float(np.quantile(np.abs(curve.band), MOST))
         limits = (-most, most) if np.isfinite(most) and most else None
@@ -152,19 +155,9 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         said = of_motor(robot, joint, worst) | {"note": note, "y_limits": limits}
         panels.append(Panel(f"friction ({robot.units(joint)[1]})", tuple(marks), **said))
     caption = "Friction over the rate of each motor, by the recommended fit."
-    return _by_motor("friction", caption, f"rate ({_units(robot, 'rad/s', 'm/s')})", panels)
-
-
-def _units(robot: Robot, turning: str, sliding: str) -> str:
-    """Unit of all motors; both where some turn and some slide."""
-    both = {sliding if robot.slides(name) else turning for name in robot.actuated}
-    return " or ".join(sorted(both, reverse=True))
-
-
-def _banded(x: FloatArray, values: FloatArray, band: FloatArray) -> list[Mark]:
-    """Friction, and its interval where that is known."""
-    reach = Mark("95 % interval", x, band[:, 0], "fit", "band", band[:, 1])
-    return [reach] * bool(np.isfinite(band).all()) + [Mark("friction", x, values, "fit")]
+    units = {"m/s" if robot.slides(name) else "rad/s" for name in robot.actuated}
+    rate = f"rate ({' or '.join(sorted(units, reverse=True))})"
+    return _by_motor("friction", caption, rate, panels)
 
 
 def value_text(each: Estimate, assumed: Sequence[str] = ()) -> str:
