@@ -32,7 +32,7 @@ from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
 from loopid.identification.friction_curves import (
-    friction_summary,
+    friction_numbers,
     hysteresis_ways,
     of_friction,
     turning_friction,
@@ -338,26 +338,21 @@ def _group(kind: str) -> str:
 
 def friction_findings(fit: Fit) -> list[tuple[str, str]]:
     """What friction a fit has beside Coulomb and viscous friction, and of which joints."""
-    groups, summary = fit.term_deviations, friction_summary(fit)
+    groups, numbers = fit.term_deviations, friction_numbers(fit)
     clear = () if groups is None else np.flatnonzero(groups.evidence >= EVIDENCE)
     parted = [groups.names[k].rpartition(": ")[::2] for k in clear] if groups else []
 
     said = {
-        CURVE.name: (
-            "is curved over rate",
-            summary.standstill,
-            " ({0.value:+.2g} {0.unit} at standstill)",
-        ),
-        ASYMMETRY.name: ("differs by direction", (), ""),
-        LOAD.name: ("grows with load", summary.load, " ({0.value:.2g} of it)"),
+        CURVE.name: ("is curved over rate", "Fk0", " ({0.value:+.2g} {0.unit} at standstill)"),
+        ASYMMETRY.name: ("differs by direction", "", ""),
+        LOAD.name: ("grows with load", "Ft", " ({0.value:.2g} of it)"),
     }
     found = []
-    for name, (sentence, own, more) in said.items():
-        known = dict(zip(summary.joints, own, strict=False))
+    for name, (sentence, kind, more) in said.items():
         joints = [joint for joint, group in parted if group == name]
-        texts = [
-            joint + (more.format(known[joint]) if known.get(joint) else "") for joint in joints
-        ]
+        own = (numbers.get(joint, {}).get(kind) for joint in joints)
+        sizes = (more.format(each) if each else "" for each in own)
+        texts = [f"{joint}{size}" for joint, size in zip(joints, sizes, strict=True)]
         if texts:
             whose = joints[0] if len(joints) == 1 else f"{len(joints)} joints"
             found.append((f"friction of {whose} {sentence}", ", ".join(texts)))
