@@ -767,11 +767,22 @@ class _Search:
             motor=one.motor,
             law=law.said,
             chance=chance,
-            do=law.do,
+            do=self._advice(law) if certainty == "clear" else law.do,
             term=law.term,
             number=number,
             unit=unit,
         )
+
+    def _advice(self, law: _Law) -> str:
+        """What to do: friction and springs of passive joints act on motors through the loops."""
+        passive, terms = self.force_model.robot.passive, "Fc,Fv" if law.other else law.term
+        fitted = {p.kind for p in self.force_model.parameters if p.link in passive}
+        if not (passive and terms) or not fitted.isdisjoint(terms.split(",")):
+            return law.do
+        do = f'try terms="auto; passive: {terms}"'
+        if law.other:
+            return f"{do}; else look for a gear, a belt, or cross-talk"
+        return f"{law.do}; or {do}"
 
     def _tried(self, motor: str) -> Iterator[_Tried]:
         """What a motor is tested for, where it has samples enough."""
