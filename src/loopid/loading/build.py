@@ -153,11 +153,10 @@ def _bodies(tree: TreeSource) -> tuple[Body, ...]:
 
 
 def _platform(model: pin.Model, description: Description) -> Platform | None:
-    platform = description.platform
-    if platform is None:
+    if (given := description.platform) is None:
         return None
-    names, motions = tuple(platform.coordinates), tuple(platform.coordinates.values())
-    return Platform(platform.frame, frame_named(model, platform.frame), names, motions)
+    frame_id, motions = frame_named(model, given.frame), tuple(given.coordinates.values())
+    return Platform(given.frame, frame_id, tuple(given.coordinates), motions)
 
 
 def _identical(
