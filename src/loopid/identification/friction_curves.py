@@ -7,7 +7,6 @@ stays as it is there. Above, it goes on as the line. In both its band widens.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -33,6 +32,7 @@ DOUBT = 0.25
 # Part of a motor's largest force that friction must drive with at one speed, and brake with at
 # another.
 TURNS = 0.1
+NUMBERS = "Fc", "Fv", "Fk0", "Ft"  # kinds of the numbers that stand for friction
 # Part of the force that has changed sides over the identified way: of a law that falls off
 # exponentially, as Dahl's, its constant.
 TOLD = 1 - np.exp(-1)
@@ -114,66 +114,20 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
 
 
-@record
-class FrictionSummary(Tabular):
-    """Friction of each motor in four numbers, ``Estimate`` or None where it has none.
+def friction_numbers(fit: Estimates) -> dict[str, dict[str, Estimate]]:
+    """Up to four numbers of friction of each joint, by kind.
 
-    Attributes
-    ----------
-    joints : tuple of str
-    coulomb, viscous : tuple of Estimate
-        Of the line that the curve goes on as; None where it differs by direction.
-    standstill : tuple of Estimate
-        How much more there is at standstill than the line's Coulomb friction.
-    load : tuple of Estimate
-        Part of the motor's force that its gear loses.
+    ``"Fc"`` and ``"Fv"`` are of the line that its curve goes on as. ``"Fk0"`` is how much more
+    there is at standstill, ``"Ft"`` the part of the motor's force that its gear loses. Of one
+    direction alone, as ``"Fc+"``, none is that of the joint.
     """
-
-    joints: tuple[str, ...]
-    coulomb: tuple[Estimate | None, ...]
-    viscous: tuple[Estimate | None, ...]
-    standstill: tuple[Estimate | None, ...]
-    load: tuple[Estimate | None, ...]
-
-    def _table(self) -> dict[str, Any]:
-        values = ([each and each.value for each in own] for own in self.parts.values())
-        return {"joint": self.joints, **dict(zip(self.parts, values, strict=True))}
-
-    @property
-    def parts(self) -> dict[str, tuple[Estimate | None, ...]]:
-        """The four columns by their names."""
-        names = "coulomb", "viscous", "standstill", "load"
-        return {name: getattr(self, name) for name in names}
-
-
-@checked
-def friction_summary(fit: Estimates) -> FrictionSummary:
-    """Friction of each joint of a fit, in four numbers with intervals.
-
-    Parameters
-    ----------
-    fit : Fit
-
-    Returns
-    -------
-    FrictionSummary
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("five_bar")
-    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
-    >>> friction = loopid.identification.friction_summary(found.fit)
-    >>> friction.joints, round(friction.coulomb[0].value, 2)
-    (('left_crank_joint', 'right_crank_joint'), 0.1)
-    """
-    loaded = (each.link for each in fit.parameters if each.kind == "Ft")
-    joints = dict.fromkeys((*frictional_joints(fit), *loaded))
-    # Of one direction alone, as Fc+, none is that of the joint.
     names = ((each.link, each.kind.partition("~")[0]) for each in fit.parameters)
-    found = dict(zip(names, fit.estimates, strict=True))
-    of_kinds = (tuple(found.get((j, kind)) for j in joints) for kind in ("Fc", "Fv", "Fk0", "Ft"))
-    return FrictionSummary(tuple(joints), *of_kinds)
+    known = dict(zip(names, fit.estimates, strict=True))
+    loaded = (each.link for each in fit.parameters if each.kind == "Ft")
+    return {
+        joint: {kind: known[joint, kind] for kind in NUMBERS if (joint, kind) in known}
+        for joint in dict.fromkeys((*frictional_joints(fit), *loaded))
+    }
 
 
 def turning_friction(fit: Estimates) -> tuple[str, ...]:
