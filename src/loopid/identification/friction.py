@@ -13,7 +13,7 @@ find both.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated
 
@@ -38,7 +38,7 @@ from loopid.identification.friction_curves import (
     turning_friction,
 )
 from loopid.identification.problem import FitSamples
-from loopid.identification.quality import MotorUse, NoiseModel, TermDeviations, fit_quality
+from loopid.identification.quality import MotorUse, TermDeviations, fit_quality
 from loopid.identification.result import Fit
 from loopid.identification.ripple import ripple_columns
 from loopid.logs.recording import Recording
@@ -260,11 +260,11 @@ def with_friction(
     >>> len(wider.parameters) >= len(model.parameters), fit.result.noise is not None
     (True, True)
     """
-    noise = whole.require_noise()
-    standard = consistent_parameters(force_model, data, noise)
+    plain = whole.require_noise()
+    standard = consistent_parameters(force_model, data, plain)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
-    weights = error_weights(data.problem, noise)
+    weights = error_weights(data.problem, plain)
     slips = possible_hysteresis(force_model, data, recordings, weights, list(kinds))
     kinds = together(kinds, slips)
 
@@ -288,7 +288,12 @@ def with_friction(
     noise = residual_noise(moving, every, rank)
     honest = False  # whether errors are with what a fit took up of slow ones added back
     while True:
-        noise = _of_motors(kinds, noise, whole.require_noise())
+        own = np.isin(plain.actuators, list(kinds))  # errors of others are as without these terms
+        noise = replace(
+            plain,
+            deviation=np.where(own, noise.deviation, plain.deviation),
+            informing_samples=np.where(own, noise.informing_samples, plain.informing_samples),
+        )
         working = quiet_consistent_fit(wide, moving, noise)
         fit = working.result
         asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
@@ -298,16 +303,6 @@ def with_friction(
         kinds, noise, honest = asked, fit.require_noise(), True
         wide, data = beside(kinds, fit.require_bodies())
         moving = moving_samples(data, rest, ripple)
-
-
-def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:
-    """Errors with the sizes of one model for some motors, and of another for the others."""
-    own = np.isin(others.actuators, list(motors))
-    return replace(
-        others,
-        deviation=np.where(own, noise.deviation, others.deviation),
-        informing_samples=np.where(own, noise.informing_samples, others.informing_samples),
-    )
 
 
 def _asked(

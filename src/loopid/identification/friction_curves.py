@@ -91,7 +91,7 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     --------
     >>> import loopid, numpy as np
     >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
-    >>> joint, rates = "left_crank_joint", np.array([-1.0, 1.0])
+    >>> joint, rates = "left_crank_joint", np.array([-0.5, 0.5])
     >>> curve = loopid.identification.friction_curve(found.fit, joint, rates)
     >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
     (array([-0.1,  0.1]), True)

@@ -189,9 +189,6 @@ class _Motor(NamedTuple):
     steepest: float  # waves in 2 π that the filter leaves, at a usual rate
 
 
-States = dict[str, _Motor]  # of a recording, by motor
-
-
 class _Law(NamedTuple):
     """What a force of a motor may depend on: columns of its states, or of another motor's."""
 
@@ -464,7 +461,7 @@ def with_offsets(fit: WorkingFit, motors: Sequence[str]) -> Fit:
     return replace(result, offset_errors=moved)
 
 
-def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> States:
+def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> dict[str, _Motor]:
     """Of the motors with one coordinate; loads (N, dof) move the bodies."""
     robot, motion, history = force_model.robot, recording.motion, recording.history
     whole, found = recording.at_log_rate, {}
