@@ -311,7 +311,8 @@ class Log(Tabular):
         ----------
         frame : DataFrame
             Of Polars or pandas, or what else has columns by name: a dictionary of arrays or
-            matrices, an array with fields. Times may be dates or durations, and those of pandas its index.
+            matrices, an array with fields. Times may be dates or durations, and those of pandas
+            its index.
         joints : sequence of str
             The m motors.
         mapping : LogMapping or path, optional
