@@ -7,7 +7,6 @@ stays as it is there. Above, it goes on as the line. In both its band widens.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -33,6 +32,7 @@ DOUBT = 0.25
 # Part of a motor's largest force that friction must drive with at one speed, and brake with at
 # another.
 TURNS = 0.1
+NUMBERS = "Fc", "Fv", "Fk0", "Ft"  # kinds of the numbers that stand for friction
 # Part of the force that has changed sides over the identified way: of a law that falls off
 # exponentially, as Dahl's, its constant.
 TOLD = 1 - np.exp(-1)
@@ -68,7 +68,7 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     """Friction of a joint over its rate, of all its terms that depend on the rate alone.
 
     Beyond the rates of the samples that were fitted (``fit.use``) the band holds, too, what a
-    curve may do there.
+    curve may do there. It is infinite of assumed parameters.
 
     Parameters
     ----------
@@ -91,11 +91,13 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     --------
     >>> import loopid, numpy as np
     >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
-    >>> joint, rates = "left_crank_joint", np.array([-1.0, 1.0])
+    >>> joint, rates = "left_crank_joint", np.array([-0.5, 0.5])
     >>> curve = loopid.identification.friction_curve(found.fit, joint, rates)
     >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
     (array([-0.1,  0.1]), True)
     """
+    from scipy.special import stdtrit  # slow to import
+
     columns = friction_columns(fit, joint)
     if not columns:
         raise OptionError.unknown("joint with friction", joint, frictional_joints(fit))
@@ -103,71 +105,29 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     if rate.ndim != 1:
         raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
     laws = _laws(fit, joint, rate)
-    doubt = friction_doubt(fit, joint, rate, np.abs(laws @ fit.values[columns]))
-    values, reach = with_reach(fit, columns, laws, doubt)
+    values, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
+    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0)
+    error = np.sqrt(variance + friction_doubt(fit, joint, rate, np.abs(values)) ** 2)
+    freedom = float(fit.degrees_of_freedom[columns].min())
+    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).names} & {*fit.assumed}
+    reach = stdtrit(freedom, 0.975) * error if sure else np.full(len(rate), np.inf)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
 
 
-@record
-class FrictionSummary(Tabular):
-    """Friction of each motor in four numbers, ``Estimate`` or None where it has none.
+def friction_numbers(fit: Estimates) -> dict[str, dict[str, Estimate]]:
+    """Up to four numbers of friction of each joint, by kind.
 
-    Attributes
-    ----------
-    joints : tuple of str
-    coulomb, viscous : tuple of Estimate
-        Of the line that the curve goes on as; None where it differs by direction.
-    standstill : tuple of Estimate
-        How much more there is at standstill than the line's Coulomb friction.
-    load : tuple of Estimate
-        Part of the motor's force that its gear loses.
+    ``"Fc"`` and ``"Fv"`` are of the line that its curve goes on as. ``"Fk0"`` is how much more
+    there is at standstill, ``"Ft"`` the part of the motor's force that its gear loses. Of one
+    direction alone, as ``"Fc+"``, none is that of the joint.
     """
-
-    joints: tuple[str, ...]
-    coulomb: tuple[Estimate | None, ...]
-    viscous: tuple[Estimate | None, ...]
-    standstill: tuple[Estimate | None, ...]
-    load: tuple[Estimate | None, ...]
-
-    def _table(self) -> dict[str, Any]:
-        values = ([each and each.value for each in own] for own in self.parts.values())
-        return {"joint": self.joints, **dict(zip(self.parts, values, strict=True))}
-
-    @property
-    def parts(self) -> dict[str, tuple[Estimate | None, ...]]:
-        """The four columns by their names."""
-        names = "coulomb", "viscous", "standstill", "load"
-        return {name: getattr(self, name) for name in names}
-
-
-@checked
-def friction_summary(fit: Estimates) -> FrictionSummary:
-    """Friction of each joint of a fit, in four numbers with intervals.
-
-    Parameters
-    ----------
-    fit : Fit
-
-    Returns
-    -------
-    FrictionSummary
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("five_bar")
-    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
-    >>> friction = loopid.identification.friction_summary(found.fit)
-    >>> friction.joints, round(friction.coulomb[0].value, 2)
-    (('left_crank_joint', 'right_crank_joint'), 0.1)
-    """
-    loaded = (each.link for each in fit.parameters if each.kind == "Ft")
-    joints = dict.fromkeys((*frictional_joints(fit), *loaded))
-    # Of one direction alone, as Fc+, none is that of the joint.
     names = ((each.link, each.kind.partition("~")[0]) for each in fit.parameters)
-    found = dict(zip(names, fit.estimates, strict=True))
-    of_kinds = (tuple(found.get((j, kind)) for j in joints) for kind in ("Fc", "Fv", "Fk0", "Ft"))
-    return FrictionSummary(tuple(joints), *of_kinds)
+    known = dict(zip(names, fit.estimates, strict=True))
+    loaded = (each.link for each in fit.parameters if each.kind == "Ft")
+    return {
+        joint: {kind: known[joint, kind] for kind in NUMBERS if (joint, kind) in known}
+        for joint in dict.fromkeys((*frictional_joints(fit), *loaded))
+    }
 
 
 def turning_friction(fit: Estimates) -> tuple[str, ...]:
@@ -207,23 +167,6 @@ def _laws(fit: Estimates, joint: str, rates: FloatArray) -> FloatArray:
     state = fit.joint_terms.state(JointState(None, rates, None))
     kinds = [fit.parameters[j].kind for j in friction_columns(fit, joint)]
     return signals(kinds, state, len(rates))
-
-
-def with_reach(
-    fit: Estimates, columns: Sequence[int], laws: FloatArray, doubt: FloatArray | float = 0.0
-) -> tuple[FloatArray, FloatArray]:
-    """Forces (k,) of some columns of a fit by laws (k, columns), and half of their 95 % intervals.
-
-    These hold a further deviation, ``doubt``, and are infinite of assumed parameters.
-    """
-    from scipy.special import stdtrit  # slow to import
-
-    spread = fit.covariance[np.ix_(columns, columns)]
-    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0) + np.square(doubt)
-    freedom = float(fit.degrees_of_freedom[columns].min())
-    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).names} & {*fit.assumed}
-    reach = stdtrit(freedom, 0.975) * np.sqrt(variance) if sure else np.full(len(laws), np.inf)
-    return laws @ fit.values[columns], reach
 
 
 def friction_doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:

@@ -189,9 +189,6 @@ class _Motor(NamedTuple):
     steepest: float  # waves in 2 π that the filter leaves, at a usual rate
 
 
-States = dict[str, _Motor]  # of a recording, by motor
-
-
 class _Law(NamedTuple):
     """What a force of a motor may depend on: columns of its states, or of another motor's."""
 
@@ -464,7 +461,7 @@ def with_offsets(fit: WorkingFit, motors: Sequence[str]) -> Fit:
     return replace(result, offset_errors=moved)
 
 
-def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> States:
+def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> dict[str, _Motor]:
     """Of the motors with one coordinate; loads (N, dof) move the bodies."""
     robot, motion, history = force_model.robot, recording.motion, recording.history
     whole, found = recording.at_log_rate, {}
@@ -770,11 +767,22 @@ class _Search:
             motor=one.motor,
             law=law.said,
             chance=chance,
-            do=law.do,
+            do=self._advice(law) if certainty == "clear" else law.do,
             term=law.term,
             number=number,
             unit=unit,
         )
+
+    def _advice(self, law: _Law) -> str:
+        """What to do: friction and springs of passive joints act on motors through the loops."""
+        passive, terms = self.force_model.robot.passive, "Fc,Fv" if law.other else law.term
+        fitted = {p.kind for p in self.force_model.parameters if p.link in passive}
+        if not (passive and terms) or not fitted.isdisjoint(terms.split(",")):
+            return law.do
+        do = f'try terms="auto; passive: {terms}"'
+        if law.other:
+            return f"{do}; else look for a gear, a belt, or cross-talk"
+        return f"{law.do}; or {do}"
 
     def _tried(self, motor: str) -> Iterator[_Tried]:
         """What a motor is tested for, where it has samples enough."""

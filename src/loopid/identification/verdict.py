@@ -228,16 +228,6 @@ def _reached(found: Outcome) -> str:
     return " and ".join(filter(None, (", ".join(said[:-1]), *said[-1:])))
 
 
-def _better(found: Outcome) -> Iterator[Finding]:
-    """Of all parameters, where they predict clearly better than the recommended ones."""
-    if found.advantage is not None:
-        yield warning(
-            f"all parameters predict {found.advantage:.2g} times better",
-            "than any robot with solid bodies and friction that dissipates, on data left out",
-            "look for a wrong sign, zero or length of the file",
-        )
-
-
 def _turning_friction(found: Outcome) -> Finding:
     """Motors whose force follows their rate as no friction does."""
     every, turning = found[ALL].fit, found.fit.turning
@@ -446,7 +436,14 @@ def _wrong(found: Outcome) -> Iterator[Finding]:
     """What another motion does not mend, the likeliest cause first."""
     coarse = _coarse(found)
     worst = found.new.actuators[found.unseen.worst[1]]
-    others = [*_better(found), *(() if worst in coarse else _unexplained(found))]
+    others = [] if worst in coarse else [*_unexplained(found)]
+    if found.advantage is not None:
+        better = warning(
+            f"all parameters predict {found.advantage:.2g} times better",
+            "than any robot with solid bodies and friction that dissipates, on data left out",
+            "look for a wrong sign, zero or length of the file",
+        )
+        others.insert(0, better)
     if coarse:
         yield warning(
             f"the force of {first_of([*coarse], NAMED)} comes in coarse steps",

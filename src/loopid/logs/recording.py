@@ -411,7 +411,7 @@ class Recording(Tabular):
             said = f"start must be a time in s from the start of the log, not {start:g}"
             raise OptionError(said, argument="start", given=start)
         if not end > start:
-            raise OptionError(f"end must be above start, {start:g} s, not {end:g}", argument="end")
+            raise OptionError(f"end must be above {start:g} s, not {end:g}", argument="end")
         part = self.select((time >= start) & (time <= end))
         if self.used.any() and not part.used.any():
             raise LogError(
