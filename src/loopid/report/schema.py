@@ -109,7 +109,9 @@ FORMS: dict[str, dict[Any, Any]] = {
             {"mode parallel_pairs": int, "used meets_drawn_pose": bool, "rank": int | None}
             | {"distance": float, "reference": {str: object}}
         ],
-        "in_file_not_in_model": [{"what": str, "value": Real, "joint term unit included_by": Text}],
+        "in_file_not_in_model": [
+            {"what": str, "value relative_size": Real, "joint term unit included_by": Text}
+        ],
     },
     "base": _BASE,
     "motions": {

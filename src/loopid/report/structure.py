@@ -24,8 +24,8 @@ from loopid.loading.checks import inertia_defects, odd_masses, place_of_motors, 
 from loopid.numbers import number
 from loopid.plots.structure import robot_chart, search_chart
 from loopid.records import json_value
-from loopid.regressors.joint_laws import joint_term
-from loopid.regressors.joint_terms import OF_FILE, JointTerms
+from loopid.regressors.file_forces import file_forces
+from loopid.regressors.joint_terms import OF_FILE
 from loopid.report.look import facts, json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.robot.closures import JointCoupling
@@ -200,27 +200,18 @@ def check_record(robot: Robot) -> dict[str, Any]:
                 }
                 for k, (mode, rank) in enumerate(modes, start=1)
             ],
-            "in_file_not_in_model": list(file_forces(robot)),
+            "in_file_not_in_model": [
+                {
+                    **{"what": force.what, "value": force.value, "relative_size": force.size},
+                    **{"joint": force.joint or None, "term": force.kind or None},
+                    **{"unit": force.unit or None},
+                    "included_by": f'terms="{OF_FILE}"' if force.kind else None,
+                }
+                for force in file_forces(robot)
+            ],
         }
     )
     return record
-
-
-def file_forces(robot: Robot) -> Iterator[dict[str, Any]]:
-    """What the robot file gives beyond rigid bodies: joint terms, then what no model has."""
-    if (terms := JointTerms.of(robot, OF_FILE)) is not None:
-        for name, value in zip(terms.parameters(robot), terms.values(robot), strict=True):
-            kinds = terms.of_joints[name.link]
-            parted = any(name.kind in joint_term(kind).beside for kind in kinds)  # as of a spring
-            if not (np.isnan(value) or parted):
-                what = f"{joint_term(name.kind).name} of {name.link}"
-                yield {"what": what, "value": value, "joint": name.link, "term": name.kind} | {
-                    "unit": name.unit or None,
-                    "included_by": f'terms="{OF_FILE}"',
-                }
-    nothing = dict.fromkeys(("value", "joint", "term", "unit", "included_by"))
-    for left in robot.left_out:
-        yield {"what": left.what, **nothing}
 
 
 def _joint(robot: Robot, name: str) -> dict[str, Any]:
@@ -263,6 +254,7 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
     left_out = {
         "": "what",
         ">value": lambda f: "" if f["value"] is None else f"{f['value']:.4g} {f['unit']}",
+        ">of the rigid-body forces": "relative_size:.2g",
         "included by": lambda force: f"terms {OF_FILE}" if force["included_by"] else "nothing",
     }
     modes = {
