@@ -24,6 +24,12 @@ ARM = urdf(
     HINGE.format("shoulder", "ground", "upper", 0.3, "0 1 0"),
     HINGE.format("elbow", "upper", "lower", 0.4, "0 1 0"),
 )
+THREE_HINGES = (
+    *(body("turret"), body("upper", (0.02, 0.01, 0.2), 3.0), body("lower", mass=2.0)),
+    HINGE.format("pan", "ground", "turret", 0.1, "0 0 1"),
+    HINGE.format("shoulder", "turret", "upper", 0.3, "0 1 0"),
+    HINGE.format("elbow", "upper", "lower", 0.4, "0 1 0"),
+)
 
 
 def first_rows(robot, rows=1000):

@@ -276,7 +276,6 @@ def good(instances):
         "JointTerms.state": {"joint": loopid.regressors.JointState(0.0, 0.0, 0.0)},
         "ControlLoop": {"robot": dynamics, "controller": instances[loopid.control.Gravity]},
         "expression": {"terms": {"a": 1.0}},
-        "nearest_line": {"terms": {"a": 1.0}},
         "write_first_files": {"robot": "five_bar"},
         **{
             name: {f.name: getattr(recording, f.name) for f in fields(recording)}

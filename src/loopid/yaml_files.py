@@ -37,8 +37,34 @@ Content = TypeVar("Content", bound=BaseModel)
 def read_yaml(
     path: Path, model: type[Content], failure: type[LoopidError] = RobotFileError
 ) -> Content:
-    """Read a YAML file of keys and values as a model; an empty file leaves all keys out."""
-    content = load_yaml(path, failure)
+    """Read a YAML file of keys and values as a model; an empty file leaves all keys out.
+
+    It is no larger than it seems, and its texts are printable and on one line.
+    """
+    problem = why_no_file(path)
+    if problem:
+        kind = FileError if problem == "does not exist" else failure
+        raise kind(f"{path} {problem}")
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            raise _BoundError(f"it is longer than the {MOST_BYTES / 1e6:g} MB that are read")
+        yaml = YAML(typ="safe", pure=True)
+        yaml.Parser = _BoundedParser
+        text = data.decode("utf-8")
+        content = yaml.load(io.StringIO(text))
+    except _BoundError as error:
+        raise failure(f"{path}: {error}") from error
+    except DuplicateKeyError as error:
+        raise failure(f"{path}: {_repetition(text, error)}") from error
+    except OSError as error:
+        raise failure(f"{path} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise failure(f"{path} is no text in UTF-8 (line {line}): save it in UTF-8") from error
+    except (YAMLError, ValueError, ArithmeticError, LookupError) as error:
+        raise failure(f"{path} is not YAML: {_yaml_problem(error)}") from error
     content = {} if content is None else content
     return validated(model, content, path, failure, partial(line_of, path))
 
@@ -112,37 +138,6 @@ def _repetition(text: str, error: DuplicateKeyError) -> str:
             lines[word.keys] = word.line
     line = error.problem_mark.line + 1
     return f"line {line}: a key stands there that its section has already, written otherwise"
-
-
-def load_yaml(path: Path, failure: type[LoopidError]) -> Any:
-    """Lists, dictionaries, texts and numbers of a YAML file that is no larger than it seems.
-
-    Texts must be printable and on one line.
-    """
-    problem = why_no_file(path)
-    if problem:
-        kind = FileError if problem == "does not exist" else failure
-        raise kind(f"{path} {problem}")
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(MOST_BYTES + 1)
-        if len(data) > MOST_BYTES:
-            raise _BoundError(f"it is longer than the {MOST_BYTES / 1e6:g} MB that are read")
-        yaml = YAML(typ="safe", pure=True)
-        yaml.Parser = _BoundedParser
-        text = data.decode("utf-8")
-        return yaml.load(io.StringIO(text))
-    except _BoundError as error:
-        raise failure(f"{path}: {error}") from error
-    except DuplicateKeyError as error:
-        raise failure(f"{path}: {_repetition(text, error)}") from error
-    except OSError as error:
-        raise failure(f"{path} cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise failure(f"{path} is no text in UTF-8 (line {line}): save it in UTF-8") from error
-    except (YAMLError, ValueError, ArithmeticError, LookupError) as error:
-        raise failure(f"{path} is not YAML: {_yaml_problem(error)}") from error
 
 
 def yaml_text(content: Mapping[str, Any]) -> str:

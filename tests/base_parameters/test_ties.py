@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings, strategies as st
 from loopid.base_parameters import ChoiceProblem, ExactSearch, SearchOptions
 from loopid.base_parameters.blocks import Levels, _representatives
 from loopid.base_parameters.choice import CRITERIA
-from loopid.base_parameters.exact import Tied
+from loopid.base_parameters.exact import overlap
 
 
 def coefficients(problem, dependent):
@@ -113,7 +113,7 @@ def test_too_many_ties_are_neither_listed_nor_counted():
 
 
 @pytest.mark.parametrize(
-    ("smallest", "largest", "overlap"),
+    ("smallest", "largest", "expected"),
     [
         (1 + 1e-6, 1 + 1e-6, False),  # a better choice would be in both
         (1 - 1e-6, 1 - 1e-6, False),
@@ -122,7 +122,7 @@ def test_too_many_ties_are_neither_listed_nor_counted():
         (1 + 3e-10, 1 + 3e-10, True),
     ],
 )
-def test_ties_that_could_be_counted_twice_are_near_ties(smallest, largest, overlap):
+def test_ties_that_could_be_counted_twice_are_near_ties(smallest, largest, expected):
     levels = Levels(0.5, 0.9), Levels(0.5 * smallest, 0.9 * largest)
-    assert Tied(levels, 1e-9).overlap == overlap
-    assert Tied(levels[::-1], 1e-9).overlap == overlap
+    assert overlap(levels, 1e-9) == expected
+    assert overlap(levels[::-1], 1e-9) == expected

@@ -13,8 +13,7 @@ from bank_robots import few_of
 from closure_robots import body, joint, urdf
 from loopid import JointTerms, bundled_robots, random_configurations
 from loopid.errors import ModelWarning, RobotFileError
-from loopid.export.robot_file import export_robot_file, updated_robot_file
-from loopid.identification.friction_curves import nearest_line
+from loopid.export.robot_file import export_robot_file, straightened, updated_robot_file
 from loopid.identification.quality import MotorUse
 from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import motion_regressor
@@ -104,8 +103,9 @@ def test_a_friction_curve_becomes_the_nearest_line(tmp_path, load_once):
 
 
 def test_a_line_is_its_own_nearest_line():
-    line = nearest_line("elbow", {"Fc": 2.0, "Fv": 0.5})
-    assert (line.coulomb, line.viscous, line.off) == pytest.approx((2.0, 0.5, 0.0))
+    found, (said,) = straightened({"elbow": {"Fc": 2.0, "Fv": 0.5, "Ft": 0.1}}, None)
+    assert found["elbow"] == pytest.approx({"Fc": 2.0, "Fv": 0.5})
+    assert float(said.partition("within ")[2].split()[0]) < 1e-12
 
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")

@@ -42,19 +42,28 @@ CHANCE = 0.01  # that motors which agree seem to differ
 FRICTION = {"five_bar": (0.1, 0.05), "delta": (0.1, 0.05)}
 
 
-@pytest.fixture(scope="module", params=few_of(FRICTION, "five_bar"))
-def case(request, load_once):
+def logged(robot, seconds):
     """A force model, its true values, and a log without noise."""
-    robot = load_once(request.param)
     terms = JointTerms(robot.actuated, ("Fc", "Fv"))
     model = loopid.force_model(robot, "full", terms)
     size = SIZE if robot.name == "five_bar" else (0.04, 0.04, 0.04)
-    motion = wander(robot, 2, 20.0, RATE, size=size)
+    motion = wander(robot, 2, seconds, RATE, size=size)
     values = np.tile(FRICTION[robot.name], len(robot.actuated))
     bodies = scaled_bodies(robot, 0.2)
     run = simulated(robot, motion, None, standard=bodies, terms=(terms, values))
     truth = model.base.values(np.concatenate([bodies, values]))
     return model, truth, unchecked(run.time, run.position, run.exact_force, robot.actuated)
+
+
+@pytest.fixture(scope="module", params=few_of(FRICTION, "five_bar"))
+def case(request, load_once):
+    return logged(load_once(request.param), 20.0)
+
+
+@pytest.fixture(scope="module", params=few_of(FRICTION, "five_bar"))
+def brief(request, load_once):
+    """As a case, of a log that is soon prepared."""
+    return logged(load_once(request.param), 4.0)
 
 
 def noisy(log, delay=0.0, seed=0, noise=1.0):
@@ -309,8 +318,8 @@ LOGS = {"none": (0.005,) * 3, "one": (0.005, 0.035, 0.005), "two": (0.005, -0.03
 
 
 @pytest.mark.parametrize("delays", LOGS.values(), ids=LOGS)
-def test_a_log_with_another_delay_than_the_others_is_named_and_made_like_them(case, delays):
-    model, _, log = case
+def test_a_log_with_another_delay_than_the_others_is_named_and_made_like_them(brief, delays):
+    model, _, log = brief
     logs = [replace(noisy(log, late, k), name=f"log {k}") for k, late in enumerate(delays)]
     groups = [prepared(model, each) for each in logs], [prepared(model, log)]
     (training, judging), found, *_ = in_time(model, groups)
@@ -329,9 +338,9 @@ def test_a_log_with_another_delay_than_the_others_is_named_and_made_like_them(ca
     assert find_delay(model, judging, cutoff=BAND).common == pytest.approx(-usual, abs=0.002)
 
 
-def test_no_log_is_moved_that_cannot_be_told_of(case, monkeypatch):
+def test_no_log_is_moved_that_cannot_be_told_of(brief, monkeypatch):
     """As where the common delay, which tells of it, is not known."""
-    model, _, log = case
+    model, _, log = brief
     monkeypatch.setattr(delay_module, "_delay_of", lambda *_: None)
     logs = [replace(noisy(log, late, k), name=f"log {k}") for k, late in enumerate((0.0, 0.04))]
     given = tuple(prepared(model, each) for each in logs)
@@ -342,10 +351,10 @@ def test_no_log_is_moved_that_cannot_be_told_of(case, monkeypatch):
 
 @pytest.mark.parametrize(("times", "named"), [(0.9, False), (1.1, True)])
 def test_a_log_differs_from_the_middle_one_by_more_than_its_interval_is_wide(
-    case, monkeypatch, times, named
+    brief, monkeypatch, times, named
 ):
     """Whatever its delay is beside its positions; and of one that is vague nothing is said."""
-    model, _, log = case
+    model, _, log = brief
     errors = np.array([0.002, 0.003, 0.001, np.inf])
     late = times * CLEAR * 1.96 * np.hypot(errors[0], errors[1])
     delays = np.array([0.01, 0.01 - late, 0.012, 0.2])

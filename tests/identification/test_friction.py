@@ -8,7 +8,7 @@ import pytest
 import loopid
 from loopid import FilterOptions, JointTerms, load_fit, read_log
 from loopid.errors import DataError, OptionError
-from loopid.identification import FitSamples, friction_curve, friction_summary
+from loopid.identification import FitSamples, friction_curve
 from loopid.identification.consistent import error_weights
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.friction import (
@@ -18,6 +18,7 @@ from loopid.identification.friction import (
     friction_findings,
     moving_samples,
 )
+from loopid.identification.friction_curves import friction_numbers
 from loopid.identification.joint_priors import dissipation, joint_parameters
 from loopid.identification.prediction import prediction_reach
 from loopid.identification.ripple import ripple_columns
@@ -234,8 +235,7 @@ def test_load_friction_is_found_and_predicted(robot, model, motion, tmp_path):
     low, high = found.fit[f"{LEFT}.Ft"].interval
     assert low <= 0.08 <= high
     assert high - low < 0.003
-    summary = friction_summary(found.fit)
-    assert summary.load[summary.joints.index(LEFT)].value == found.fit[f"{LEFT}.Ft"].value
+    assert friction_numbers(found.fit)[LEFT]["Ft"].value == found.fit[f"{LEFT}.Ft"].value
     assert friction_findings(found.fit) == [
         (f"friction of {LEFT} grows with load", f"{LEFT} (0.08 of it)")
     ]
@@ -495,7 +495,6 @@ def test_friction_of_one_direction_is_no_friction_of_the_joint():
     rate = rng.normal(size=(200, 1))
     W = np.stack([rate > 0, -(rate < 0).astype(float), rate], axis=2)
     samples = FitSamples.of(names, ["elbow"], W, W @ [2.0, 3.0, 0.5] + rng.normal(size=(200, 1)))
-    summary = friction_summary(loopid.identification.fit(samples))
-    assert summary.joints == ("elbow",)
-    assert summary.coulomb == (None,)
-    assert summary.viscous[0].name == "elbow.Fv"
+    numbers = friction_numbers(loopid.identification.fit(samples))
+    assert {joint: [*own] for joint, own in numbers.items()} == {"elbow": ["Fv"]}
+    assert numbers["elbow"]["Fv"].name == "elbow.Fv"

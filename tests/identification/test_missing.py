@@ -13,8 +13,14 @@ from bank_robots import few_of
 from loopid import JointTerms
 from loopid.identification import Delay, missing
 from loopid.identification.fitting import working_fit
-from loopid.identification.lengths import Place, length_forces
-from loopid.identification.missing import _Search, _slow, _Test, missing_forces
+from loopid.identification.missing import (
+    Place,
+    _Search,
+    _slow,
+    _Test,
+    length_forces,
+    missing_forces,
+)
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
 from loopid.logs import Recording
@@ -118,6 +124,23 @@ def test_what_advice_prints_takes_the_spring_away(robot, with_law):
     )
     assert not clear(again)
     assert again.fit[f"{LEFT}.Ks"].value == pytest.approx(2.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("terms", "law"), [("Fc=0.05,Fv=0.1", f"motion of {RIGHT}"), ("Ks=2", "position")]
+)
+def test_what_advice_prints_for_passive_joints_takes_their_forces_away(robot, model, terms, law):
+    """In a loop the motors feel what rubs, or is sprung, at joints that have none."""
+    motion = wander(robot, 4, 20.0, 50.0, size=(0.5, 0.5))
+    true = JointTerms.with_values(robot, f"Fc=0.1,Fv=0.05; passive: {terms}")
+    log = record(robot, motion, true, scaled_bodies(robot, 0.2), 0.01)
+    before = identify_unjudged(model, log)
+    finding = next(each for each in before.findings if law in each.title)
+    advised = finding.do.split('terms="')[-1].split('"')[0]
+    assert advised.startswith("auto; passive: ")
+    after = identify_unjudged(loopid.force_model(robot, "full", advised), log)
+    assert not clear(after)
+    assert after.verdict.error < 0.5 * before.verdict.error
 
 
 def test_a_spring_that_moves_estimates_and_hardly_any_error_is_named(robot, model):

@@ -8,37 +8,52 @@ from numpy.testing import assert_allclose
 from ruamel.yaml import YAML
 
 import loopid
+from bank_robots import few_of
+from loopid import JointTerms
 from loopid.files import csv_text
 from loopid.identification import log_faults
 from loopid.identification.evidence import Evidence
 from loopid.identification.own_gains import own_gains
 from loopid.logs import FilterOptions, LogMapping
 from loopid.motion import Noise
-from made_runs import friction, quietly, simulated, unchecked, wander
+from made_runs import THREE_HINGES, friction, quietly, simulated, unchecked, wander
 
 GAINS = np.array([0.12, -0.2, -0.08, 0.15])
 LOW = FilterOptions(cutoff=2.5)
 
 
-@pytest.fixture(scope="module")
-def knee(load_once):
-    """A robot of four motors and its log; bodies are up to a third off its file."""
-    robot = load_once("3ups_rpu")
-    motion = wander(robot, 0, seconds=30.0, rate=50.0, size=(0.06, 0.04, 0.2, 0.2))
+def moved(robot, size, terms):
+    """A log of a robot; bodies are up to a third off its file."""
+    motion = wander(robot, 0, seconds=30.0, rate=50.0, size=size)
     bodies = robot.standard_parameters().reshape(-1, 10)
     factors = np.random.default_rng(0).uniform(0.7, 1.3, size=(len(bodies), 1))
-    exact = simulated(robot, motion, None, 0, (factors * bodies).ravel(), friction(robot))
+    exact = simulated(robot, motion, None, 0, (factors * bodies).ravel(), terms)
     noise = Noise(gaussian=0.02 * np.sqrt((exact.force**2).mean()), encoder_step=2e-6)
-    return robot, simulated(robot, motion, noise, 0, (factors * bodies).ravel(), friction(robot))
+    return simulated(robot, motion, noise, 0, (factors * bodies).ravel(), terms)
+
+
+def times(robot, log, gains):
+    """The log with forces times gains."""
+    return unchecked(log.time, log.position, log.force * gains, robot.actuated, name="run")
+
+
+@pytest.fixture(scope="module")
+def knee(load_once):
+    """A robot of four motors and its log."""
+    robot = load_once("3ups_rpu")
+    return robot, moved(robot, (0.06, 0.04, 0.2, 0.2), friction(robot))
+
+
+@pytest.fixture(scope="module")
+def arm(load_files):
+    """One of three, without loops."""
+    robot = load_files(THREE_HINGES, {})
+    return robot, moved(robot, (0.8, 0.8, 0.8), JointTerms.with_values(robot, "Fc=0.5,Fv=0.2"))
 
 
 @pytest.fixture(scope="module")
 def scaled(knee):
-    """The log with forces times gains."""
-    robot, log = knee
-    return lambda gains: unchecked(
-        log.time, log.position, log.force * gains, robot.actuated, name="run"
-    )
+    return lambda gains: times(*knee, gains)
 
 
 @pytest.fixture(scope="module")
@@ -77,13 +92,15 @@ def test_what_is_said_of_gains_holds_and_its_advice_mends_the_log(knee, scaled, 
     assert suspected(LogMapping(force_scale=YAML(typ="safe").load(advice.group(1)))) == ()
 
 
-def test_signs_alone_are_called_so(knee, scaled):
-    robot, _ = knee
-    run = quietly(loopid.prepare, robot, scaled([-1, 1, -1, -1]), filter=LOW)
+@pytest.mark.parametrize("name", few_of(["arm", "knee"], "arm"))
+def test_signs_alone_are_called_so(name, request):
+    robot, log = request.getfixturevalue(name)
+    right = np.arange(len(robot.actuated)) == 1
+    run = quietly(loopid.prepare, robot, times(robot, log, np.where(right, 1, -1)), filter=LOW)
     said = log_faults(robot, [run]).mistakes
     advised = re.search(r"force_scale: (\{.+?\})", said[-1].do).group(1)
     signs = {name: np.sign(x) for name, x in YAML(typ="safe").load(advised).items()}
-    assert signs == {robot.actuated[k]: -1 for k in (0, 2, 3)}
+    assert signs == dict.fromkeys(np.array(robot.actuated)[~right], -1)
     assert all("wrong sign" in one.title for one in said)
 
 

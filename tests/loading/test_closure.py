@@ -79,7 +79,7 @@ def test_saved_fits_and_robot_files_keep_closures_and_motors(given, tmp_path, mo
 REFUSED = {
     "an unknown kind": (
         lambda: loopid.Closure("a", "b", "4d"),
-        "a-b: unknown kind of closure '4d': choose among 3d, 6d",
+        "a-b: type: unknown kind of closure '4d': choose among 3d, 6d",
     ),
     "one axis": (
         lambda: loopid.Closure("a", "b", "hinge", axes=AXES[0]),
@@ -88,7 +88,7 @@ REFUSED = {
     "no length": (lambda: loopid.Closure("a", "b", "distance"), "needs 'length': of the rod, in m"),
     "a length": (
         lambda: loopid.Closure("a", "b", "3d", length=1.0),
-        "a 3d closure has no length: leave it out",
+        "unknown key of a 3d closure 'length': choose among type, name, frames",
     ),
     "a coupling": (lambda: loopid.Closure("a", "b", "gear"), "give a Coupling"),
     "no joint": (lambda: loopid.loading.Coupling({}), "joints: must have at least 1"),
@@ -107,7 +107,7 @@ def test_names_that_the_tree_has_not_are_refused_with_its_file(given):
     _, urdf, options = given
     with pytest.raises(RobotFileError, match=r"five_bar\.urdf: unknown frame 'tip': choose among"):
         loopid.load(urdf, **options | {"closures": [loopid.Closure("tip", "left_crank")]})
-    with pytest.raises(OptionError, match="motors: joint left_crank_joint is listed twice"):
+    with pytest.raises(OptionError, match="joint left_crank_joint is listed twice among"):
         loopid.load(urdf, motors=["left_crank_joint"] * 2)
 
 

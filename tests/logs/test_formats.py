@@ -164,7 +164,7 @@ def test_epoch_times_keep_every_nanosecond(write_text, write_folder, truth, knee
         tmp_path / "log.npz",
     )
     for path in written:
-        for stream in read_streams(path, knee.actuated, LogMapping()):
+        for stream in read_streams(path, knee, LogMapping()):
             np.testing.assert_array_equal(stream.stamps, stamps)
 
 

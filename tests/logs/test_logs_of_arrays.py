@@ -71,6 +71,14 @@ def test_a_log_as_a_table_is_the_same_log_again(arrays, knee):
         np.testing.assert_allclose(getattr(again, name), getattr(log, name), atol=1e-12)
 
 
+def test_a_dictionary_has_matrices_as_npz_has(arrays, knee):
+    log = Log.from_arrays(*arrays, knee.actuated)
+    columns = {"time": log.time, "q": log.position, "tau": log.force.T}
+    again = Log.from_frame(columns, knee.actuated)
+    for name in ("time", "position", "force"):
+        np.testing.assert_allclose(getattr(again, name), getattr(log, name), atol=1e-12)
+
+
 class Foreign:
     """A frame as pandas makes them: columns by name, each with an array inside."""
 

@@ -57,7 +57,7 @@ def test_dates_know_their_unit(knee, truth, columns, parquet, unit, zone):
     check(read_log(path, knee), truth)
     # Whatever unit the mapping has: these columns know better.
     mapping = LogMapping(time={"column": "time", "unit": "us"})
-    (stream,) = read_streams(path, knee.actuated, mapping)
+    (stream,) = read_streams(path, knee, mapping)
     np.testing.assert_array_equal(stream.stamps, EVEN)
 
 
@@ -76,7 +76,7 @@ def test_stamps_keep_every_nanosecond_beside_empty_cells(knee, columns, parquet,
     time = polars.Series("time_ns", cells).cast(kind)
     path = parquet({"time_ns": time} | {k: v for k, v in columns.items() if k != "time"})
     with pytest.warns(DataWarning, match="no number in time_ns in row 8 of 300: left out"):
-        (stream,) = read_streams(path, knee.actuated, LogMapping())
+        (stream,) = read_streams(path, knee, LogMapping())
     np.testing.assert_array_equal(stream.stamps, np.delete(stamps, 7))
 
 

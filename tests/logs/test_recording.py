@@ -522,7 +522,7 @@ def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):
     assert ends[0] in recording.dropped
     stuck = sticking(whole, signals.velocity)
     slow = idle_samples(knee, whole, signals.velocity, rows)
-    idle = standing(knee, whole, slow, rows, lowpass, stuck)
+    idle = standing(knee, whole, slow, lowpass, stuck)[rows]
     limits = saturation_of(knee, whole)
     clipped = near_saturation(whole, limits, lowpass)[rows]
     np.testing.assert_array_equal(recording.used, ~(idle | clipped))

@@ -1,18 +1,13 @@
 """Robot descriptions without end or sense are refused in a sentence, in little memory."""
 
 import os
-import struct
-import sys
-import zlib
 from pathlib import Path
 
 import pytest
 from spoiling import LAUGHS
 
 import loopid
-from bank_robots import few_of
 from loopid.errors import LoopidError, RobotFileError
-from loopid.formats import mjcf_compiler
 from loopid.logs.mapping import mapping_of
 from loopid.motion import read_motion_program
 from made_runs import ARM
@@ -161,72 +156,6 @@ def test_a_robot_of_more_joints_than_memory_holds_is_refused(refused):
     joints = "".join(joint.format(k, k + 1) for k in range(301))
     content = f'<robot name="long">{links}{joints}</robot>'
     assert "joints of 301 coordinates: at most 300" in refused("robot.urdf", content)
-
-
-def black_png(side):
-    """A picture of this many black pixels a side."""
-    head = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
-    rows = zlib.compress(bytes(side * (side // 8 + 1)), 9)
-    chunks = ((b"IHDR", head), (b"IDAT", rows), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-        for name, data in chunks
-    )
-
-
-GRID = '<flexcomp name="f" type="grid" count="400 400 400" {} spacing="1 1 1" dim="3"/>'
-
-
-MEMORY, TIME = "more than 0.5 GB of memory", "more than 0.3 s of the"
-TOO_LARGE = {
-    "user data": (mjcf('<size nuserdata="2000000000"/>'), MEMORY),
-    "copies": (mjcf(body=f'<replicate count="1000000">{BODY}</replicate>'), TIME),
-}
-MORE = {
-    "grid": mjcf(body=BODY + GRID.format('cellcount="400 400 400"')),
-    "picture": mjcf('<asset><texture type="2d" file="big.png"/></asset>'),
-    "height field": mjcf(
-        '<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>'
-    ),
-}
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        *few_of(TOO_LARGE.values(), TOO_LARGE["user data"]),
-        *(
-            pytest.param(content, MEMORY, id=name, marks=pytest.mark.validate)
-            for name, content in MORE.items()
-        ),
-    ],
-)
-def test_an_mjcf_whose_model_is_beyond_all_limits_is_refused(
-    refused, content, words, tmp_path, monkeypatch
-):
-    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
-    least = ("MOST_BYTES", 5 * 10**8) if "memory" in words else ("MOST_SECONDS", 0.3)
-    monkeypatch.setattr(mjcf_compiler, *least)
-    if "big.png" in content:
-        (tmp_path / "big.png").write_bytes(black_png(16_000))
-    assert f"MuJoCo refuses it: it takes {words}" in refused("robot.xml", content)
-
-
-def test_an_mjcf_that_mujoco_does_not_survive_is_refused(refused, monkeypatch):
-    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
-    monkeypatch.setattr(sys, "executable", "false")
-    assert "MuJoCo crashes on it: exit code 1" in refused("robot.xml", mjcf())
-
-
-@pytest.mark.validate
-def test_what_this_process_takes_does_not_widen_the_limit_of_memory(refused, tmp_path, monkeypatch):
-    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
-    monkeypatch.setattr(mjcf_compiler, "MOST_BYTES", 5 * 10**8)
-    (tmp_path / "big.png").write_bytes(black_png(16_000))
-    held = b"x" * 10**9
-    texture = mjcf('<asset><texture type="2d" file="big.png"/></asset>')
-    assert "more than 0.5 GB of memory" in refused("robot.xml", texture)
-    assert len(held) == 10**9
 
 
 def test_files_that_include_each_other_again_and_again_are_refused(refused, tmp_path):

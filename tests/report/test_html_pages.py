@@ -43,29 +43,39 @@ HOSTILE = (
 )
 
 
-@pytest.fixture(scope="module")
-def pages(study, knee, paper, designed, once):
+PAGES = {
+    "identification": lambda get: identification_report(get("study"), "loopid excite"),
+    "check": lambda get: check_report(get("knee")),
+    "base": lambda get: base_report(get("knee"), "gravity", get("study").force_model.base),
+    "prediction": lambda get: prediction_report(get("knee"), [prediction_of(get("study"))]),
+    "comparison": lambda get: comparison_report(saved(get("study"))),
+    "payload": lambda get: payload_report(get("knee"), quietly(payload, get("study"))),
+    "excitation": lambda get: excitation_report(get("designed")),
+    "paper": lambda get: paper_report(get("paper")),
+}
+
+
+@pytest.fixture
+def page_of(request, once):
+    """A page by its name."""
+
+    def made(name):
+        if name == "hostile":
+            return hostile()
+        report = PAGES[name](request.getfixturevalue)
+        return report.page("loopid identify 3ups_rpu run.csv").html()
+
+    return lambda name: once(f"page of {name}", lambda: made(name))
+
+
+@pytest.fixture
+def pages(page_of):
     """Pages of all kinds of parts."""
-    return once("pages", lambda: made(study, knee, paper, designed))
+    return {name: page_of(name) for name in (*PAGES, "hostile")}
 
 
-def made(study, knee, paper, designed):
-    run = "loopid identify 3ups_rpu run.csv"
-    return {
-        "identification": identification_report(study, "loopid excite").page(run).html(),
-        "check": check_report(knee).page(run).html(),
-        "base": base_report(knee, "gravity", study.force_model.base).page(run).html(),
-        "prediction": prediction_report(knee, [prediction_of(study)]).page(run).html(),
-        "comparison": comparison_report(
-            {name: FitFile.of(study[name].fit) for name in ("all parameters", "robot file")}
-        )
-        .page(run)
-        .html(),
-        "payload": payload_report(knee, quietly(payload, study)).page(run).html(),
-        "excitation": excitation_report(designed).page(run).html(),
-        "paper": paper_report(paper).page(run).html(),
-        "hostile": hostile(),
-    }
+def saved(study):
+    return {name: FitFile.of(study[name].fit) for name in ("all parameters", "robot file")}
 
 
 def payload(study, mass=6.0):
@@ -105,9 +115,9 @@ def hostile():
 
 
 @pytest.mark.parametrize("name", ["identification", "check", "payload", "hostile"])
-def test_pages_are_valid(pages, name):
-    html5lib.HTMLParser(strict=True).parse(pages[name])  # or a ParseError
-    page = fromstring(pages[name])
+def test_pages_are_valid(page_of, name):
+    html5lib.HTMLParser(strict=True).parse(page_of(name))  # or a ParseError
+    page = fromstring(page_of(name))
     ids = page.xpath("//@id")
     assert len(ids) == len(set(ids))
     for link in page.xpath("//a/@href"):
@@ -115,8 +125,8 @@ def test_pages_are_valid(pages, name):
 
 
 @pytest.mark.parametrize("name", ["identification", "check", "hostile"])
-def test_nothing_on_a_page_is_from_elsewhere(pages, name):
-    page = fromstring(pages[name])
+def test_nothing_on_a_page_is_from_elsewhere(page_of, name):
+    page = fromstring(page_of(name))
     assert not page.xpath("//@src | //link | //iframe | //object | //img | //form | //base")
     assert all(link.startswith("#") for link in page.xpath("//@href"))
     assert len(page.xpath("//script")) == 2
@@ -127,8 +137,8 @@ def test_nothing_on_a_page_is_from_elsewhere(pages, name):
     assert "default-src 'none'" in policy[0]
 
 
-def test_names_of_any_kind_stay_text(pages):
-    page = fromstring(pages["hostile"])
+def test_names_of_any_kind_stay_text(page_of):
+    page = fromstring(page_of("hostile"))
     assert not page.xpath("//img")
     shown = page.find("body").text_content()
     assert HOSTILE[0] in shown
@@ -138,8 +148,8 @@ def test_names_of_any_kind_stay_text(pages):
     assert json.loads(data) == {name: name for name in HOSTILE}
 
 
-def test_a_page_tells_how_it_came_about(pages):
-    text = fromstring(pages["identification"]).text_content()
+def test_a_page_tells_how_it_came_about(page_of):
+    text = fromstring(page_of("identification")).text_content()
     for word in ("loopid identify 3ups_rpu run.csv", "numpy", "Python"):
         assert word in text
 

@@ -10,7 +10,6 @@ readable one is returned. Derivation in docs/derivations.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations, count, islice
 from math import sqrt
 from time import thread_time
@@ -80,8 +79,7 @@ class ExactSearch(SearchStrategy):
         if interval.tolerance <= MOST_TOLERANCE:
             try:
                 interval.close()
-                tied = Tied(interval.tied, interval.tolerance)
-                choice, ties, near = most_readable_tie(blocks, tied, self.options, budget)
+                choice, ties, near = most_readable_tie(interval)
                 dependent, reason = choice.dependent, "near ties" if near else ""
             except OutOfBudgetError:
                 dependent, reason = _joint_dependent(blocks, interval.best), "time limit"
@@ -284,43 +282,35 @@ def _joint_dependent(blocks: Sequence[Block], selections: Selections) -> tuple[i
     return tuple(np.sort(np.concatenate(parts)).tolist())
 
 
-@dataclass(frozen=True)
-class Tied:
-    """Levels of the best joint selections, and the tolerance of their condition numbers."""
+def overlap(tied: Sequence[Levels], tolerance: float) -> bool:
+    """Whether a selection may keep to two of the best levels, and would be counted twice.
 
-    levels: Sequence[Levels]
-    tolerance: float
-
-    @property
-    def overlap(self) -> bool:
-        """Whether a selection may keep to two of the levels, and would be counted twice.
-
-        Its value is at most the smaller largest over the larger smallest. That is below the least
-        value unless the levels nearly agree.
-        """
-        least = min(one.ratio for one in self.levels) * (1 - 2 * self.tolerance)
-        return any(
-            min(one.largest, other.largest) > least * max(one.smallest, other.smallest)
-            for one, other in combinations(self.levels, 2)
-        )
+    Its value is at most the smaller largest over the larger smallest. That is below the least value
+    unless the levels nearly agree.
+    """
+    least = min(one.ratio for one in tied) * (1 - 2 * tolerance)
+    return any(
+        min(one.largest, other.largest) > least * max(one.smallest, other.smallest)
+        for one, other in combinations(tied, 2)
+    )
 
 
-def most_readable_tie(
-    blocks: Sequence[Block], tied: Tied, options: SearchOptions, budget: Budget
-) -> tuple[Readability, int | None, bool]:
+def most_readable_tie(found: _Interval) -> tuple[Readability, int | None, bool]:
     """The most readable best choice, how many there are (or None), and if some nearly tie."""
-    choices, ties, near = [], 0, tied.overlap
-    for levels in tied.levels:
+    tied, tolerance, blocks = found.tied, found.tolerance, found.blocks
+    options, budget = found.options, found.budget
+    choices, ties, near = [], 0, overlap(tied, tolerance)
+    for levels in tied:
         choice, ways = NO_COLUMNS, 1
         for block in blocks:
-            selections, nearly = _listed(block, levels, tied.tolerance, options, budget)
+            selections, nearly = _listed(block, levels, tolerance, options, budget)
             near |= nearly
             if selections:
                 ways *= sum(block.ways(own) for own in selections)
             else:
-                ways, selections = 0, [_first(block, levels.box(tied.tolerance), options, budget)]
+                ways, selections = 0, [_first(block, levels.box(tolerance), options, budget)]
             dependent = block.dependent(np.array(selections))
-            if len(dependent) * len(tied.levels) == 1:  # nothing to compare
+            if len(dependent) * len(tied) == 1:  # nothing to compare
                 choice += Readability(0, 0.0, tuple(block.columns[dependent[0]].tolist()))
                 continue
             batches = readabilities(block.null_basis, dependent, block.columns)

@@ -23,13 +23,12 @@ from loopid.cli.robots import (
     of_robot,
     recordings,
 )
-from loopid.cli.shell import answering, with_options
+from loopid.cli.shell import Answer, with_options
 from loopid.errors import LoopidError, OptionError
 from loopid.files import require_folder, require_other_file, write_file
 from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
-    from loopid.cli.shell import Answer
     from loopid.identification.identification import Identification
     from loopid.identification.log_mistakes import LogFaults
     from loopid.identification.result import Fit
@@ -151,7 +150,7 @@ def excite_command(
     return command_with("excite", robot, "--out", "motion", **options)
 
 
-@with_options(answer=answering)
+@with_options(answer=Answer)
 def predict(
     answer: Answer,
     fit: str = FIT,
@@ -346,7 +345,7 @@ def _exported(
     return written
 
 
-@with_options(answer=answering)
+@with_options(answer=Answer)
 def compare(
     answer: Answer,
     runs: list[str] = Argument(..., metavar="FIT...", help=f"{SAVED[:-1]}; two or more."),
@@ -368,7 +367,7 @@ def compare(
     answer.show(comparison_report(known))
 
 
-@with_options(answer=answering)
+@with_options(answer=Answer)
 def paper(
     answer: Answer,
     log: list[str] | None = Option(

@@ -14,13 +14,12 @@ from typer import Argument, Option
 
 from loopid.cli import completion
 from loopid.cli.advice import command_with, in_options
-from loopid.cli.shell import answering, with_options
+from loopid.cli.shell import Answer, with_options
 from loopid.errors import OptionError, counted, shown
 from loopid.files import require_ending, require_name, require_other_file, write_file, write_files
 from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
-    from loopid.cli.shell import Answer
     from loopid.logs.recording import Recording
     from loopid.motion.files import MotionProgram
     from loopid.robot.robot import Robot
@@ -90,7 +89,7 @@ def loaded(
         )
 
 
-of_robot = with_options(robot=loaded, answer=answering)
+of_robot = with_options(robot=loaded, answer=Answer)
 
 
 @of_robot

@@ -88,20 +88,28 @@ WRITTEN = (
 
 @dataclass(frozen=True)
 class Answer:
-    """How a command's user wants to see what it finds, and what was warned of on the way."""
+    """How a command's user wants to see what it finds: options of the command."""
 
-    context: Any
-    folder: str | None
-    as_json: bool
-    verbose: bool
-    figures: bool
+    context: typer.Context  # its object is what was warned of on the way
+    out: str | None = typer.Option(
+        None, metavar="DIR", help="Write report.html and results to a folder."
+    )
+    figures: bool = typer.Option(
+        False, "--figures", help="With --out: each chart as SVG and PDF, for papers."
+    )
+    verbose: bool = typer.Option(False, "--verbose", "-v", help="All tables, whole warnings.")
+    as_json: bool = typer.Option(False, "--json", help="Print JSON instead of text.")
+
+    def __post_init__(self) -> None:
+        if self.figures and self.out is None:
+            raise OptionError("--figures are written to a folder: give --out DIR, too")
 
     def require(self, *inputs: str | Path | None) -> None:
         """Refuse, before the work, what could not be written: no input may be replaced."""
-        if self.folder is not None:
-            require_folder(self.folder)
+        if self.out is not None:
+            require_folder(self.out)
             for name in WRITTEN:
-                require_other_file(Path(self.folder, name), *(each for each in inputs if each))
+                require_other_file(Path(self.out, name), *(each for each in inputs if each))
 
     def show(self, report: Report, command: str = "") -> None:
         """Write the report where a folder is given, and print it: the verdict first.
@@ -121,14 +129,14 @@ class Answer:
             report = replace(report, findings=[*report.findings, note])
         command = shlex.join(["loopid", *sys.argv[1:]])
         written: list[Path] = []
-        if self.folder is not None:
-            written = write_files(self.folder, report.files(command, figures=self.figures))
+        if self.out is not None:
+            written = write_files(self.out, report.files(command, figures=self.figures))
         if self.as_json:
             data = {**report.data, "written": [str(place) for place in written]}
             typer.echo(json_text(data))
             return
         self._print(report)
-        if self.folder is None:
+        if self.out is None:
             more = "" if self.verbose else " All: --verbose."
             typer.echo(f"Nothing was saved: --out DIR writes report.html and results.{more}")
             return
@@ -177,30 +185,13 @@ def in_words(findings: Sequence[Finding], verbose: bool) -> list[str]:
     return [*said, *([f"{counted(left, 'more finding')}: --verbose"] if left and said else [])]
 
 
-def answering(
-    context: typer.Context,
-    out: str | None = typer.Option(
-        None, metavar="DIR", help="Write report.html and results to a folder."
-    ),
-    figures: bool = typer.Option(
-        False, "--figures", help="With --out: each chart as SVG and PDF, for papers."
-    ),
-    verbose: bool = typer.Option(False, "--verbose", "-v", help="All tables, whole warnings."),
-    as_json: bool = typer.Option(False, "--json", help="Print JSON instead of text."),
-) -> Any:
-    """How the user wants to see what is found (``Answer``)."""
-    if figures and out is None:
-        raise OptionError("--figures are written to a folder: give --out DIR, too")
-    return Answer(context, out, as_json, verbose, figures)
-
-
 def with_options(**makers: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options of other functions; what these make of them are its arguments."""
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         names = {name: list(signature(make).parameters) for name, make in makers.items()}
-        known = dict.fromkeys(("Robot", "Answer"), Any)  # imported when they are made
-        own = signature(command, eval_str=True, locals=known).parameters.values()
+        # Robots are imported when they are made.
+        own = signature(command, eval_str=True, locals={"Robot": Any}).parameters.values()
         more = (
             p
             for make in makers.values()

@@ -284,7 +284,12 @@ def identify_payload(
     """
     chosen = chosen_estimator(estimator)
     runs = LoadedRuns.of(robot, link, (unloaded, loaded), mapping, estimator=chosen.name)
-    base = _payload_parameters(runs)
+    model = runs.force_model
+    regressor = model.random_regressor[:, :, payload_columns(model, link)]
+    if not regressor.any():
+        raise RankError(f"no force of a motor depends on a payload on {link}")
+    names = ParameterSet.of_links([PAYLOAD], runs.kinds)
+    base = find_base(Observation.from_matrix(regressor, names, length=model.robot.length))
     if chosen.name == "wls":
         runs, working = _with_the_file(runs, base)
     else:
@@ -297,16 +302,6 @@ def identify_payload(
     if motors is not None and motors.disagreement is not None:
         motors.disagreement.warn()
     return found
-
-
-def _payload_parameters(runs: LoadedRuns) -> BaseParameters:
-    """Identifiable combinations of a payload's parameters, in random states."""
-    model, robot = runs.force_model, runs.force_model.robot
-    regressor = model.random_regressor[:, :, payload_columns(model, runs.link)]
-    if not regressor.any():
-        raise RankError(f"no force of a motor depends on a payload on {runs.link}")
-    names = ParameterSet.of_links([PAYLOAD], runs.kinds)
-    return find_base(Observation.from_matrix(regressor, names, length=robot.length))
 
 
 def _alone(base: BaseParameters) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""What a motion is to determine, what is known already, and how informative it is.
+"""What a motion is to determine, and how informative it is.
 
 Criteria are functions of the information M = Σ Kᵀ R⁻¹ K, with their slopes.
 
@@ -9,7 +9,7 @@ With M = V diag(λ) Vᵀ that of a function of the eigenvalues is V diag(∂f/�
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -17,11 +17,7 @@ import scipy.linalg
 
 from loopid.arguments import FloatArray, Number, shaped
 from loopid.errors import OptionError
-from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel
-from loopid.identification.information import Excitation, excited_samples
-from loopid.identification.problem import FitSamples
-from loopid.logs.recording import Recording
 from loopid.numbers import UNIT_ROUND_OFF
 from loopid.parameters import ParameterSet
 from loopid.records import record
@@ -198,45 +194,3 @@ class Unknown:
                 raise OptionError.unknown("identifiable parameter", parameter, labels)
             rows |= {labels.index(name) for name in found}
         return OfCombinations(np.eye(len(labels))[sorted(rows)])
-
-
-def known_before(
-    model: ForceModel,
-    basis: FloatArray,
-    rate: float,
-    *,
-    noise: float | Mapping[str, float] | None,
-    assumed: FloatArray,
-    after: Sequence[Recording],
-) -> tuple[FloatArray, FloatArray]:
-    """Deviations (motors,) of the forces at the rate of the run, and information (z, z) of logs.
-
-    The noise is what is given, else that of the logs, else assumed (motors,). Errors of filtered
-    logs are autocorrelated. Independent ones at the rate stand for them that have as much of an
-    effect on a mean.
-    """
-    robot = model.robot
-    deviations = dict(zip(robot.actuated, assumed.tolist(), strict=True))
-    known = FitSamples.combined([model.samples(each) for each in after]) if after else None
-    spacing = 0.0
-    if known is not None:
-        spacing = float(np.mean([np.median(np.diff(each.motion.time)) for each in after]))
-        excitation = Excitation.of(model, known.problem)
-        found = quiet_fit(excited_samples(known, model.prior, excitation)).noise
-        assert found is not None
-        for k, name in enumerate(robot.independent):
-            each = found.samples[k] / found.effective_samples[k]
-            size = found.deviation[k] * np.sqrt(each * spacing * rate)
-            if name in deviations and size > 0:
-                deviations[name] = float(size)
-    given = noise if isinstance(noise, Mapping) else {} if noise is None else {"all": noise}
-    for name in given:
-        if name not in deviations and name != "all":
-            raise OptionError.unknown("motor", name, deviations)
-    deviations = {n: given.get(n, given.get("all", own)) for n, own in deviations.items()}
-    information = np.zeros((basis.shape[1], basis.shape[1]))
-    if known is not None:
-        for k, name in enumerate(robot.independent):
-            rows = known.problem.factors[k, :, :-1] @ basis / deviations[name]
-            information += rate * spacing * rows.T @ rows
-    return np.array([deviations[name] for name in robot.actuated]), information

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from time import monotonic
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from loopid.arguments import CHUNK, FloatArray, checked, row_blocks
 from loopid.errors import AccuracyWarning, DataError, DataWarning, OptionError, warn
-from loopid.excitation.criteria import Criteria, OfCombinations, Unknown, known_before
+from loopid.excitation.criteria import Criteria, OfCombinations, Unknown
 from loopid.excitation.limits import Bounds, MotionLimits
 from loopid.excitation.problem import DesignOptions, Problem, follow, forces_by_file
 from loopid.excitation.search import (
@@ -24,7 +24,10 @@ from loopid.excitation.search import (
     search,
 )
 from loopid.excitation.shapes import SHAPES, PosesShape
+from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel
+from loopid.identification.information import Excitation, excited_samples
+from loopid.identification.problem import FitSamples
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import closed_motion, project, singularity_measure
 from loopid.kinematics.sampling import SINGULARITY_THRESHOLD, SamplingOptions, random_configurations
@@ -245,14 +248,7 @@ def design_motion(
             options=options,
         )
         regular = find_poses(problem, poses)
-        noise, information = known_before(
-            model,
-            unknown.basis,
-            options.rate,
-            noise=options.noise,
-            assumed=_assumed_noise(problem, regular),
-            after=after,
-        )
+        noise, information = _known_before(problem, _assumed_noise(problem, regular), after)
         problem = replace(problem, noise=noise, prior=information)
         found = search(problem, regular, progress)
         run = _run(problem, found.X)
@@ -320,6 +316,43 @@ def _assumed_noise(problem: Problem, poses: Poses) -> FloatArray:
     largest = sizes.max()
     known = sizes > NO_FORCE * largest
     return problem.options.noise_share * np.where(known, sizes, largest or 1.0)
+
+
+def _known_before(
+    problem: Problem, assumed: FloatArray, after: Sequence[Recording]
+) -> tuple[FloatArray, FloatArray]:
+    """Deviations (motors,) of the forces at the rate of the run, and information (z, z) of logs.
+
+    The noise is what is given, else that of the logs, else assumed (motors,). Errors of filtered
+    logs are autocorrelated. Independent ones at the rate stand for them that have as much of an
+    effect on a mean.
+    """
+    robot, model, options = problem.robot, problem.force_model, problem.options
+    noise, basis = options.noise, problem.basis
+    deviations = dict(zip(robot.actuated, assumed.tolist(), strict=True))
+    known = FitSamples.combined([model.samples(each) for each in after]) if after else None
+    spacing = 0.0
+    if known is not None:
+        spacing = float(np.mean([np.median(np.diff(each.motion.time)) for each in after]))
+        excitation = Excitation.of(model, known.problem)
+        found = quiet_fit(excited_samples(known, model.prior, excitation)).noise
+        assert found is not None
+        for k, name in enumerate(robot.independent):
+            each = found.samples[k] / found.effective_samples[k]
+            size = found.deviation[k] * np.sqrt(each * spacing * options.rate)
+            if name in deviations and size > 0:
+                deviations[name] = float(size)
+    given = noise if isinstance(noise, Mapping) else {} if noise is None else {"all": noise}
+    for name in given:
+        if name not in deviations and name != "all":
+            raise OptionError.unknown("motor", name, deviations)
+    deviations = {n: given.get(n, given.get("all", own)) for n, own in deviations.items()}
+    information = np.zeros((basis.shape[1], basis.shape[1]))
+    if known is not None:
+        for k, name in enumerate(robot.independent):
+            rows = known.problem.factors[k, :, :-1] @ basis / deviations[name]
+            information += options.rate * spacing * rows.T @ rows
+    return np.array([deviations[name] for name in robot.actuated]), information
 
 
 def _with_threshold(limits: MotionLimits, model: ForceModel, poses: FloatArray) -> MotionLimits:

@@ -22,7 +22,6 @@ from loopid.loading.files import YAML, find_files
 from loopid.loading.robot_files import load
 from loopid.logs.mapping import LogMapping
 from loopid.logs.reading import open_log
-from loopid.logs.signals import ColumnFinder
 from loopid.motion.files import ProgramDescription
 from loopid.robot.robot import Robot
 from loopid.yaml_files import yaml_writer
@@ -201,18 +200,11 @@ def _mapping_text(robot: Robot, motors: tuple[str, ...], log: str | Path | None)
     )
 
 
-def _finder(path: Path) -> ColumnFinder:
-    if not path.exists():
-        raise FileError(f"{path} does not exist", file=path)
-    log = open_log(path, LogMapping())
-    return ColumnFinder(str(path), log.columns(), LogMapping(), log.ordered, log.choice)
-
-
 def _driven(robot: Robot, log: str | Path | None) -> tuple[str, ...]:
     """Joints of a robot without known motors that have forces in a log, by their names."""
     found = list[str]()
     for joint in robot.actuated if log is not None else ():
-        finder = _finder(Path(log or ""))
+        _, finder = open_log(log or "", LogMapping())
         with suppress(LogError):
             both = [
                 *finder.channels_of("position", (joint,)),
@@ -224,7 +216,7 @@ def _driven(robot: Robot, log: str | Path | None) -> tuple[str, ...]:
 
 def _found(robot: Robot, motors: tuple[str, ...], path: Path) -> tuple[dict[str, Any], list[str]]:
     """What the names of a log's columns say, and sentences about them."""
-    finder, found, used = _finder(path), dict[str, Any](), dict[str, None]()
+    (_, finder), found, used = open_log(path, LogMapping()), dict[str, Any](), dict[str, None]()
     several = len(finder.streams) > 1
     said = [f"Columns of {name}: {', '.join(columns)}." for name, columns in finder.streams.items()]
     for quantity in ("position", "force"):

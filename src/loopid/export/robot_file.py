@@ -20,14 +20,13 @@ import numpy as np
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, FileError, ModelWarning, OptionError, RobotFileError, warn
 from loopid.files import write_files
-from loopid.identification.friction_curves import nearest_line
 from loopid.identification.quality import MotorUse
 from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
 from loopid.loading.closure import with_more
 from loopid.loading.files import YAML, RobotFiles, files_of
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.registry import editable_files
-from loopid.regressors.joint_laws import grouped, joint_term
+from loopid.regressors.joint_laws import RATIO, JointState, grouped, joint_term, signals
 from loopid.robot.robot import Body, Robot, link_frames, shortened
 from loopid.yaml_files import yaml_text
 
@@ -37,6 +36,7 @@ AGREEMENT = 1e-9
 SAME = 1e-13
 # Relative difference of a joint term, in the new file and as it was meant: degrees are round-off.
 READ_BACK = 1e-12
+LINE_POINTS = 200  # rates that a line is fitted at, in place of a friction curve
 # Options of ``load`` that a YAML keeps, and those that only a call has.
 KEPT, ASKED = ("rounding", "floating_base"), ("lock", "free_mimics")
 # What is not written where the other half of its force has no place: by kind, the other halves.
@@ -240,10 +240,40 @@ def straightened(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
         found[joint] = rest
         curved = {k: value for k, value in terms.items() if k not in slips}
         if any(grouped(kind) for kind in curved):
-            line = nearest_line(joint, curved, use)
-            found[joint] = rest | {"Fc": line.coulomb, "Fv": line.viscous}
-            said.append(line.sentence)
+            line, near = _nearest_line(joint, curved, use)
+            found[joint] = rest | line
+            said.append(near)
     return found, said
+
+
+def _nearest_line(
+    joint: str, terms: Mapping[str, float], use: MotorUse | None
+) -> tuple[dict[str, float], str]:
+    """Coulomb and viscous friction that are nearest to a curve, and a sentence of how near.
+
+    By least squares over rates of the log at its mean load, or of the curve's points without one.
+    """
+    from scipy.optimize import nnls  # slow to import
+
+    laws = [joint_term(kind) for kind in terms if grouped(kind)]
+    load, points = 0.0, [law.at for law in laws if law.at]
+    least, most = (min(points), RATIO * max(points)) if points else (0.0, 1.0)
+    if use is not None and joint in use.joints:
+        least, most = use.of(joint)
+        load = float(use.load[use.joints.index(joint)])
+    # Not zero, at which friction has no direction.
+    rates = np.maximum(np.linspace(least, most, LINE_POINTS), np.finfo(float).tiny)
+    own = {kind: x for kind, x in terms.items() if grouped(kind) or kind in ("Fc", "Fv")}
+    both = np.empty((2, LINE_POINTS))
+    for way, sign in enumerate((1.0, -1.0)):
+        state = JointState(None, sign * rates, None, math=np, torque=load)
+        both[way] = sign * signals([*own], state, LINE_POINTS) @ [*own.values()]
+    coulomb, viscous = nnls(np.stack([np.ones(LINE_POINTS), rates], axis=1), both.mean(axis=0))[0]
+    off = float(np.abs(both - coulomb - viscous * rates).max())
+    return {"Fc": float(coulomb), "Fv": float(viscous)}, (
+        f"Fc = {coulomb:.3g} and Fv = {viscous:.3g} of {joint} are within {off:.2g} of its "
+        f"friction from {least:.2g} to {most:.2g}"
+    )
 
 
 def _writable(meant: Terms) -> Terms:

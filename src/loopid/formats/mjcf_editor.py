@@ -18,7 +18,7 @@ from lxml import etree
 
 from loopid.arguments import FloatArray
 from loopid.errors import RobotFileError
-from loopid.formats.mjcf_scene import Scene, compile_mjcf, joint_forces, own_terms
+from loopid.formats.mjcf_scene import MUJOCO_ERRORS, Scene, compile_mjcf, joint_forces, own_terms
 from loopid.inertia import Inertial, written
 from loopid.loading.xml_elements import Element, read_xml
 
@@ -30,8 +30,6 @@ HARMLESS = (None, "auto", "false", "-1")
 FAITHFUL = 1e-11
 # Attributes of a <joint> by the terms whose coefficients they are.
 ATTRIBUTES = {"Ia": "armature", "Fc": "frictionloss", "Fv": "damping", "Ks": "stiffness"}
-# What MuJoCo raises, of which only the text is of use.
-MUJOCO_ERRORS = (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 DERIVED = "springdamper"  # attribute of which MuJoCo makes stiffness and damping by the masses
 
 

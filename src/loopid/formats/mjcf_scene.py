@@ -16,13 +16,14 @@ import pinocchio as pin
 
 from loopid.arguments import LARGEST, BoolArray
 from loopid.errors import FileError, RobotFileError, naming, optional, shown
-from loopid.formats.mjcf_compiler import compile_guarded
 from loopid.loading.xml_elements import Element, label, read_xml
 from loopid.robot.robot import LeftOut
 
 with optional("mujoco", "mjcf"):
     import mujoco
 
+# What MuJoCo raises, of which only the text is of use.
+MUJOCO_ERRORS = (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 # MuJoCo lets 'nan' and 'inf' through.
 FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia",
           "jnt_pos", "jnt_axis", "qpos0", "site_pos", "site_quat", "eq_data", "wrap_prm",
@@ -150,9 +151,17 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
         if root.tag != "mujoco":
             raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
         _refuse_nan(root)
-        model, heard = compile_guarded(path)
+        heard, before = list[str](), mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(heard.append)
+        try:
+            model = mujoco.MjModel.from_xml_path(str(path))
+        except MUJOCO_ERRORS as error:
+            reason = " ".join(str(error).split())
+            raise RobotFileError(f"MuJoCo refuses it: {reason}") from error
+        finally:
+            mujoco.set_mju_user_warning(before)
         _refuse_odd_numbers(model)
-    return model, [f"MuJoCo warns: {text}" for text in dict.fromkeys(heard)]
+    return model, [f"MuJoCo warns: {' '.join(text.split())}" for text in dict.fromkeys(heard)]
 
 
 def _refuse_nan(root: Element) -> None:

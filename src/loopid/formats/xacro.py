@@ -27,7 +27,6 @@ with optional("xacro", "xacro"):
 
 READERS = {"robot": read_urdf, "sdf": read_sdf}
 UNDEFINED_ARGUMENT = re.compile(r"Undefined substitution argument (\S+)")
-UNDEFINED_NAME = re.compile(r"name ('\w+') is not defined")
 ROS_INDEX = "ament_index_python"
 
 
@@ -82,8 +81,6 @@ def _reason(error: BaseException) -> str:
             f"the argument {name!r} has no value: give one as xacro={{{name!r}: ...}}, or by the "
             "key 'xacro' of a YAML beside the file"
         )
-    if undefined := UNDEFINED_NAME.search(reason):
-        return f"{undefined[0]}: give it a value by <xacro:property name={undefined[1]} value=.../>"
     return f"xacro refuses it: {reason:.300}"
 
 

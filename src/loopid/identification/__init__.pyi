@@ -18,11 +18,7 @@ from .force_models import (
     samples_of as samples_of,
 )
 from .friction import with_friction as with_friction
-from .friction_curves import (
-    friction_curve as friction_curve,
-    friction_summary as friction_summary,
-    nearest_line as nearest_line,
-)
+from .friction_curves import friction_curve as friction_curve
 from .identification import Identification as Identification, split_recordings as split_recordings
 from .information import Excitation as Excitation, identifiability as identifiability
 from .instrumental import InstrumentalVariables as InstrumentalVariables

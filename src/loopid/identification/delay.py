@@ -367,11 +367,7 @@ def in_time(
         at = Sampled.of(force_model, logged, choice.chosen, n_jobs=n_jobs)
     of_logs = _delays_of_logs(force_model, logged, at)
     if of_logs:
-        late = {name: np.full(len(robot.actuated), own) for name, own in of_logs.items()}
-        kept = tuple(
-            tuple(_moved(robot, one, late[one.name]) if one.name in late else one for one in each)
-            for each in kept
-        )
+        kept = tuple(tuple(_moved(robot, one, of_logs.get(one.name)) for one in x) for x in kept)
         choice, at = cutoff_and_samples(force_model, kept[0], n_jobs=n_jobs)
         logged = _logged(kept[0])
     delay = _delay_of(force_model, logged, None if choice is None else choice.chosen, at)
@@ -416,10 +412,14 @@ def _delays_of_logs(
     return {names[k]: float(late[k]) for k in np.flatnonzero(clear) if k != usual}
 
 
-def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
-    """The same motion with forces of times that are shifts (m,) later, in its log, too."""
-    if recording.log is None:
+def _moved(robot: Robot, recording: Recording, late: FloatArray | float | None) -> Recording:
+    """The same motion with forces of times that are this much later, in its log, too.
+
+    Of all motors, or (m,) of each; as it is where nothing is late.
+    """
+    if recording.log is None or late is None:
         return recording
+    shifts = np.broadcast_to(late, len(robot.actuated))
     log = recording.log.delayed(shifts)
     run = _Run(robot, recording)
     force, used = run.force(shifts)
@@ -813,11 +813,10 @@ class _Search:
         # Motors that disagree by more than their errors: what no model has looks like a delay.
         error = error * _disagreement(each, errors) if settled else np.inf
         common, half = float(shift[0]), NORMAL_95 * error
-        undone = np.zeros(count)
-        if any(self._stands_out(k, each, errors) for k in range(count)):
-            own = [self._clear(each[k], NORMAL_95 * errors[k]) for k in range(count)]
+        undone, own = np.zeros(count), self._clear(each, errors)
+        if (own & self._apart(each, errors)).any():
             undone = np.where(own, each, 0.0)
-        elif self._clear(common, half):
+        elif self._clear(shift, np.array([error])).all():
             undone[:] = common
         m, ends = len(joints), NORMAL_95 * np.multiply.outer(errors, [-1.0, 1.0])
         found = Delay(
@@ -832,19 +831,19 @@ class _Search:
         )
         return _undoing(found, np.array(np.broadcast_to(undone, m)))
 
-    def _stands_out(self, k: int, delays: FloatArray, errors: FloatArray) -> bool:
-        """Whether a motor has clearly a delay of its own, far from the mean of the others."""
-        others = np.delete(np.arange(len(delays)), k)
-        if not np.isfinite(errors[others]).any():
-            return False
-        mean = np.average(delays[others], weights=errors[others] ** -2)
-        own = self._clear(delays[k], NORMAL_95 * errors[k])
-        error = np.hypot(errors[k], (errors[others] ** -2).sum() ** -0.5)
-        return own and abs(delays[k] - mean) > ALONE * NORMAL_95 * error
+    def _clear(self, delays: FloatArray, errors: FloatArray) -> BoolArray:
+        """Which delays (k,) are clear, by their standard errors."""
+        halves = NORMAL_95 * errors
+        least = np.maximum(CLEAR * halves, LEAST * self.forces.step)
+        return np.asarray((halves < VAGUE) & (np.abs(delays) > least))
 
-    def _clear(self, delay: float, half: float) -> bool:
-        """Whether a delay is clear, by half of its 95 % interval."""
-        return half < VAGUE and bool(abs(delay) > max(CLEAR * half, LEAST * self.forces.step))
+    def _apart(self, delays: FloatArray, errors: FloatArray) -> BoolArray:
+        """Which motors (k,) have delays far from the mean of the others."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weights = np.where(np.eye(len(errors), dtype=bool), 0.0, errors**-2)
+            known = weights.sum(axis=1)  # of the others
+            means, spread = weights @ delays / known, np.hypot(errors, known**-0.5)
+            return np.asarray(np.abs(delays - means) > ALONE * NORMAL_95 * spread)
 
 
 def _disagreement(delays: FloatArray, errors: FloatArray) -> float:

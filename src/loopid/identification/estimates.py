@@ -130,8 +130,7 @@ class Estimates(Tabular):
         freedom = np.broadcast_to(self.degrees_of_freedom, shape)
         object.__setattr__(self, "degrees_of_freedom", frozen(freedom))
         for name in self.assumed:
-            if name not in self.parameters.names:
-                raise OptionError.unknown("assumed parameter", name, self.parameters.names)
+            OptionError.require("assumed parameter", name, self.parameters.names)
         model = self.model
         if model is None:
             return

@@ -13,7 +13,7 @@ find both.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated
 
@@ -32,13 +32,13 @@ from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
 from loopid.identification.friction_curves import (
-    friction_summary,
+    friction_numbers,
     hysteresis_ways,
     of_friction,
     turning_friction,
 )
 from loopid.identification.problem import FitSamples
-from loopid.identification.quality import MotorUse, NoiseModel, TermDeviations, fit_quality
+from loopid.identification.quality import MotorUse, TermDeviations, fit_quality
 from loopid.identification.result import Fit
 from loopid.identification.ripple import ripple_columns
 from loopid.logs.recording import Recording
@@ -260,11 +260,11 @@ def with_friction(
     >>> len(wider.parameters) >= len(model.parameters), fit.result.noise is not None
     (True, True)
     """
-    noise = whole.require_noise()
-    standard = consistent_parameters(force_model, data, noise)
+    plain = whole.require_noise()
+    standard = consistent_parameters(force_model, data, plain)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
-    weights = error_weights(data.problem, noise)
+    weights = error_weights(data.problem, plain)
     slips = possible_hysteresis(force_model, data, recordings, weights, list(kinds))
     kinds = together(kinds, slips)
 
@@ -288,7 +288,12 @@ def with_friction(
     noise = residual_noise(moving, every, rank)
     honest = False  # whether errors are with what a fit took up of slow ones added back
     while True:
-        noise = _of_motors(kinds, noise, whole.require_noise())
+        own = np.isin(plain.actuators, list(kinds))  # errors of others are as without these terms
+        noise = replace(
+            plain,
+            deviation=np.where(own, noise.deviation, plain.deviation),
+            informing_samples=np.where(own, noise.informing_samples, plain.informing_samples),
+        )
         working = quiet_consistent_fit(wide, moving, noise)
         fit = working.result
         asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
@@ -298,16 +303,6 @@ def with_friction(
         kinds, noise, honest = asked, fit.require_noise(), True
         wide, data = beside(kinds, fit.require_bodies())
         moving = moving_samples(data, rest, ripple)
-
-
-def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:
-    """Errors with the sizes of one model for some motors, and of another for the others."""
-    own = np.isin(others.actuators, list(motors))
-    return replace(
-        others,
-        deviation=np.where(own, noise.deviation, others.deviation),
-        informing_samples=np.where(own, noise.informing_samples, others.informing_samples),
-    )
 
 
 def _asked(
@@ -338,26 +333,21 @@ def _group(kind: str) -> str:
 
 def friction_findings(fit: Fit) -> list[tuple[str, str]]:
     """What friction a fit has beside Coulomb and viscous friction, and of which joints."""
-    groups, summary = fit.term_deviations, friction_summary(fit)
+    groups, numbers = fit.term_deviations, friction_numbers(fit)
     clear = () if groups is None else np.flatnonzero(groups.evidence >= EVIDENCE)
     parted = [groups.names[k].rpartition(": ")[::2] for k in clear] if groups else []
 
     said = {
-        CURVE.name: (
-            "is curved over rate",
-            summary.standstill,
-            " ({0.value:+.2g} {0.unit} at standstill)",
-        ),
-        ASYMMETRY.name: ("differs by direction", (), ""),
-        LOAD.name: ("grows with load", summary.load, " ({0.value:.2g} of it)"),
+        CURVE.name: ("is curved over rate", "Fk0", " ({0.value:+.2g} {0.unit} at standstill)"),
+        ASYMMETRY.name: ("differs by direction", "", ""),
+        LOAD.name: ("grows with load", "Ft", " ({0.value:.2g} of it)"),
     }
     found = []
-    for name, (sentence, own, more) in said.items():
-        known = dict(zip(summary.joints, own, strict=False))
+    for name, (sentence, kind, more) in said.items():
         joints = [joint for joint, group in parted if group == name]
-        texts = [
-            joint + (more.format(known[joint]) if known.get(joint) else "") for joint in joints
-        ]
+        own = (numbers.get(joint, {}).get(kind) for joint in joints)
+        sizes = (more.format(each) if each else "" for each in own)
+        texts = [f"{joint}{size}" for joint, size in zip(joints, sizes, strict=True)]
         if texts:
             whose = joints[0] if len(joints) == 1 else f"{len(joints)} joints"
             found.append((f"friction of {whose} {sentence}", ", ".join(texts)))

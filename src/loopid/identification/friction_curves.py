@@ -1,4 +1,4 @@
-"""Friction of a fit: curves over the rate, and the line that is nearest to each.
+"""Friction of a fit: curves over the rate, and what they say of each joint.
 
 The curve is identified between the slowest and the fastest rate of the fitted samples. Below, it
 stays as it is there. Above, it goes on as the line. In both its band widens.
@@ -6,15 +6,13 @@ stays as it is there. Above, it goes on as the line. In both its band widens.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.identification.estimates import LEAST_FREEDOM, Estimate, Estimates
-from loopid.identification.quality import MotorUse
 from loopid.parameters import KINDS
 from loopid.records import Tabular, record
 from loopid.regressors.joint_laws import (
@@ -22,10 +20,8 @@ from loopid.regressors.joint_laws import (
     ASYMMETRY,
     CURVE,
     HYSTERESIS,
-    RATIO,
     JointState,
     JointTerm,
-    grouped,
     joint_term,
     signals,
 )
@@ -33,10 +29,10 @@ from loopid.regressors.joint_laws import (
 # Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: Stribeck
 # friction of half as much more, two deviations, is not unusual.
 DOUBT = 0.25
-LINE_POINTS = 200  # rates that a line is fitted at
 # Part of a motor's largest force that friction must drive with at one speed, and brake with at
 # another.
 TURNS = 0.1
+NUMBERS = "Fc", "Fv", "Fk0", "Ft"  # kinds of the numbers that stand for friction
 # Part of the force that has changed sides over the identified way: of a law that falls off
 # exponentially, as Dahl's, its constant.
 TOLD = 1 - np.exp(-1)
@@ -72,7 +68,7 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     """Friction of a joint over its rate, of all its terms that depend on the rate alone.
 
     Beyond the rates of the samples that were fitted (``fit.use``) the band holds, too, what a
-    curve may do there.
+    curve may do there. It is infinite of assumed parameters.
 
     Parameters
     ----------
@@ -94,17 +90,14 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc", "elbow.Fv"])
-    >>> rng = np.random.default_rng(0)
-    >>> rate = rng.normal(size=(500, 1))
-    >>> W = np.stack([np.sign(rate), rate], axis=2)
-    >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
-    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, force)
-    >>> fit = loopid.identification.fit(samples)
-    >>> curve = loopid.identification.friction_curve(fit, "elbow", np.array([-1.0, 1.0]))
+    >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
+    >>> joint, rates = "left_crank_joint", np.array([-0.5, 0.5])
+    >>> curve = loopid.identification.friction_curve(found.fit, joint, rates)
     >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
-    (array([-2.5,  2.5]), True)
+    (array([-0.1,  0.1]), True)
     """
+    from scipy.special import stdtrit  # slow to import
+
     columns = friction_columns(fit, joint)
     if not columns:
         raise OptionError.unknown("joint with friction", joint, frictional_joints(fit))
@@ -112,71 +105,29 @@ def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCur
     if rate.ndim != 1:
         raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
     laws = _laws(fit, joint, rate)
-    doubt = friction_doubt(fit, joint, rate, np.abs(laws @ fit.values[columns]))
-    values, reach = with_reach(fit, columns, laws, doubt)
+    values, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
+    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0)
+    error = np.sqrt(variance + friction_doubt(fit, joint, rate, np.abs(values)) ** 2)
+    freedom = float(fit.degrees_of_freedom[columns].min())
+    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).names} & {*fit.assumed}
+    reach = stdtrit(freedom, 0.975) * error if sure else np.full(len(rate), np.inf)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
 
 
-@record
-class FrictionSummary(Tabular):
-    """Friction of each motor in four numbers, ``Estimate`` or None where it has none.
+def friction_numbers(fit: Estimates) -> dict[str, dict[str, Estimate]]:
+    """Up to four numbers of friction of each joint, by kind.
 
-    Attributes
-    ----------
-    joints : tuple of str
-    coulomb, viscous : tuple of Estimate
-        Of the line that the curve goes on as; None where it differs by direction.
-    standstill : tuple of Estimate
-        How much more there is at standstill than the line's Coulomb friction.
-    load : tuple of Estimate
-        Part of the motor's force that its gear loses.
+    ``"Fc"`` and ``"Fv"`` are of the line that its curve goes on as. ``"Fk0"`` is how much more
+    there is at standstill, ``"Ft"`` the part of the motor's force that its gear loses. Of one
+    direction alone, as ``"Fc+"``, none is that of the joint.
     """
-
-    joints: tuple[str, ...]
-    coulomb: tuple[Estimate | None, ...]
-    viscous: tuple[Estimate | None, ...]
-    standstill: tuple[Estimate | None, ...]
-    load: tuple[Estimate | None, ...]
-
-    def _table(self) -> dict[str, Any]:
-        values = ([each and each.value for each in own] for own in self.parts.values())
-        return {"joint": self.joints, **dict(zip(self.parts, values, strict=True))}
-
-    @property
-    def parts(self) -> dict[str, tuple[Estimate | None, ...]]:
-        """The four columns by their names."""
-        names = "coulomb", "viscous", "standstill", "load"
-        return {name: getattr(self, name) for name in names}
-
-
-@checked
-def friction_summary(fit: Estimates) -> FrictionSummary:
-    """Friction of each joint of a fit, in four numbers with intervals.
-
-    Parameters
-    ----------
-    fit : Fit
-
-    Returns
-    -------
-    FrictionSummary
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("five_bar")
-    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
-    >>> friction = loopid.identification.friction_summary(found.fit)
-    >>> friction.joints, round(friction.coulomb[0].value, 2)
-    (('left_crank_joint', 'right_crank_joint'), 0.1)
-    """
-    loaded = (each.link for each in fit.parameters if each.kind == "Ft")
-    joints = dict.fromkeys((*frictional_joints(fit), *loaded))
-    # Of one direction alone, as Fc+, none is that of the joint.
     names = ((each.link, each.kind.partition("~")[0]) for each in fit.parameters)
-    found = dict(zip(names, fit.estimates, strict=True))
-    of_kinds = (tuple(found.get((j, kind)) for j in joints) for kind in ("Fc", "Fv", "Fk0", "Ft"))
-    return FrictionSummary(tuple(joints), *of_kinds)
+    known = dict(zip(names, fit.estimates, strict=True))
+    loaded = (each.link for each in fit.parameters if each.kind == "Ft")
+    return {
+        joint: {kind: known[joint, kind] for kind in NUMBERS if (joint, kind) in known}
+        for joint in dict.fromkeys((*frictional_joints(fit), *loaded))
+    }
 
 
 def turning_friction(fit: Estimates) -> tuple[str, ...]:
@@ -216,23 +167,6 @@ def _laws(fit: Estimates, joint: str, rates: FloatArray) -> FloatArray:
     state = fit.joint_terms.state(JointState(None, rates, None))
     kinds = [fit.parameters[j].kind for j in friction_columns(fit, joint)]
     return signals(kinds, state, len(rates))
-
-
-def with_reach(
-    fit: Estimates, columns: Sequence[int], laws: FloatArray, doubt: FloatArray | float = 0.0
-) -> tuple[FloatArray, FloatArray]:
-    """Forces (k,) of some columns of a fit by laws (k, columns), and half of their 95 % intervals.
-
-    These hold a further deviation, ``doubt``, and are infinite of assumed parameters.
-    """
-    from scipy.special import stdtrit  # slow to import
-
-    spread = fit.covariance[np.ix_(columns, columns)]
-    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0) + np.square(doubt)
-    freedom = float(fit.degrees_of_freedom[columns].min())
-    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).names} & {*fit.assumed}
-    reach = stdtrit(freedom, 0.975) * np.sqrt(variance) if sure else np.full(len(laws), np.inf)
-    return laws @ fit.values[columns], reach
 
 
 def friction_doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
@@ -302,82 +236,6 @@ def _columns(fit: Estimates, joint: str, chosen: Callable[[str], bool]) -> list[
 def of_friction(kind: str) -> bool:
     """Whether a kind of joint term depends on the rate alone."""
     return kind not in KINDS and joint_term(kind).friction
-
-
-@record
-class FrictionLine:
-    """Coulomb and viscous friction that is nearest to a curve, for what knows no other.
-
-    Attributes
-    ----------
-    joint : str
-    coulomb, viscous : float
-    off : float
-        Largest distance of the curve from it, in N or N m.
-    rates : tuple of float
-        Between which, in m/s or rad/s.
-    """
-
-    joint: str
-    coulomb: float
-    viscous: float
-    off: float
-    rates: tuple[float, float]
-
-    @property
-    def sentence(self) -> str:
-        """How near it is."""
-        least, most = self.rates
-        return (
-            f"Fc = {self.coulomb:.3g} and Fv = {self.viscous:.3g} of {self.joint} are within "
-            f"{self.off:.2g} of its friction from {least:.2g} to {most:.2g}"
-        )
-
-
-@checked
-def nearest_line(
-    joint: str, terms: Mapping[str, float], use: MotorUse | None = None
-) -> FrictionLine:
-    """The line nearest to the friction of a joint, by least squares over the rates of the log.
-
-    Parameters
-    ----------
-    joint : str
-    terms : mapping
-        Values of its joint terms by their kinds.
-    use : MotorUse, optional
-        Rates and loads in the log; by default rates of the curve's points, and no load.
-
-    Returns
-    -------
-    FrictionLine
-        Coulomb and viscous friction, and how far the curve is off these.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> line = loopid.identification.nearest_line("elbow", {"Fc": 2.0, "Fv": 0.5})
-    >>> round(line.coulomb, 6), round(line.viscous, 6)
-    (2.0, 0.5)
-    """
-    from scipy.optimize import nnls  # slow to import
-
-    laws = [joint_term(kind) for kind in terms if grouped(kind)]
-    load, points = 0.0, [law.at for law in laws if law.at and "slip" not in law.needs]
-    least, most = (min(points), RATIO * max(points)) if points else (0.0, 1.0)
-    if use is not None and joint in use.joints:
-        least, most = use.of(joint)
-        load = float(use.load[use.joints.index(joint)])
-    # Not zero, at which friction has no direction.
-    rates = np.maximum(np.linspace(least, most, LINE_POINTS), np.finfo(float).tiny)
-    own = {kind: x for kind, x in terms.items() if grouped(kind) or kind in ("Fc", "Fv")}
-    both = np.empty((2, LINE_POINTS))
-    for way, sign in enumerate((1.0, -1.0)):
-        state = JointState(None, sign * rates, None, math=np, torque=load)
-        both[way] = sign * signals([*own], state, LINE_POINTS) @ [*own.values()]
-    line, _ = nnls(np.column_stack([np.ones(LINE_POINTS), rates]), both.mean(axis=0))
-    off = float(np.abs(both - line[0] - line[1] * rates).max())
-    return FrictionLine(joint, float(line[0]), float(line[1]), off, (least, most))
 
 
 def hysteresis_ways(fit: Estimates) -> dict[str, float]:

@@ -187,16 +187,15 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
 
 def chosen_model(robot: Robot, model: str, recordings: Sequence[Recording]) -> str:
     """A model by its name; for ``"auto"`` the one that recordings ask for, gravity without any."""
+    require_model(model)
     if model != AUTOMATIC:
-        return require_model(model)
+        return model
     return choose_model(robot, recordings).model if recordings else UNLOGGED
 
 
-def require_model(model: str) -> str:
+def require_model(model: str) -> None:
     """Refuse the name of a model that there is not."""
-    if model not in (known := (AUTOMATIC, *MODELS)):
-        raise OptionError.unknown("model", model, known)
-    return model
+    OptionError.require("model", model, (AUTOMATIC, *MODELS))
 
 
 def _shares(samples: FitSamples, forces: FloatArray) -> FloatArray:

@@ -65,10 +65,9 @@ class FitOptions:
     def __post_init__(self) -> None:
         require_model(self.model)
         require_kinds(self.terms, AUTOMATIC)
-        if isinstance(self.estimator, str) and self.estimator not in ESTIMATORS:
-            raise OptionError.unknown("estimator", self.estimator, ESTIMATORS)
-        if self.unidentifiable not in UNIDENTIFIABLE:
-            raise OptionError.unknown("unidentifiable", self.unidentifiable, UNIDENTIFIABLE)
+        if isinstance(self.estimator, str):
+            OptionError.require("estimator", self.estimator, ESTIMATORS)
+        OptionError.require("unidentifiable", self.unidentifiable, UNIDENTIFIABLE)
         if self.fraction is not None and not 0 < self.fraction < 1:
             raise OptionError(
                 f"fraction must be between 0 and 1, not {self.fraction}", given=self.fraction

@@ -22,7 +22,6 @@ from loopid.arguments import (
     IntArray,
     finite,
     numbers_of,
-    rectangular,
     row_blocks,
     samples,
     shaped,
@@ -216,18 +215,10 @@ class FitSamples:
             raise DataError(f"the regressor must have shape (samples, {dof}, {n}), not {W.shape}")
         if len(W) == 0:
             raise DataError("there are no samples to fit")
-        tau = shaped(force, "force", len(W), dof)
-        mask = rectangular(np.ones(tau.shape, dtype=bool) if used is None else used, "used")
-        numbers = np.zeros(len(tau), dtype=np.int64) if segments is None else segments
-        parts = rectangular(numbers, "segments")
-        least = np.zeros(dof)
-        if least_errors is not None:
-            least = shaped(least_errors, "least errors", dof)
-        if mask.dtype != bool or parts.dtype.kind not in "iu":
-            raise DataError(
-                "used must be booleans and segments whole numbers, not "
-                f"{mask.dtype} and {parts.dtype}"
-            )
+        tau, one = shaped(force, "force", len(W), dof), np.zeros(len(W), dtype=np.int64)
+        mask = np.ones(tau.shape, dtype=bool) if used is None else used
+        parts = one if segments is None else segments
+        least = shaped(np.zeros(dof) if least_errors is None else least_errors, "least errors", dof)
         if (least < 0).any():
             raise DataError(f"least errors must be from 0 on, not {least.min()}")
         return cls(
@@ -237,8 +228,8 @@ class FitSamples:
             tau,
             _shaped(mask, "used", tau.shape),
             _shaped(parts, "segments", tau.shape[:1]).astype(np.int64, copy=False),
-            runs=np.zeros(len(tau), dtype=np.int64),
-            regions=np.zeros(len(tau), dtype=np.int64),
+            runs=one,
+            regions=one,
             least_errors=least,
         )
 

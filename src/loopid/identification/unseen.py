@@ -85,8 +85,7 @@ class UnseenErrors:
     def shares(self) -> dict[str, FloatArray]:
         """Errors (dof,) in parts of each motor's force by where."""
         size = np.where(self.force > 0, self.force, np.nan)
-        every = self.whole, self.part, self.regions, self.slow, self.standstill
-        return {name: each / size for name, each in zip(WHERE, every, strict=True)}
+        return {name: getattr(self, name) / size for name in WHERE}
 
     @property
     def worst(self) -> tuple[str, int, float]:

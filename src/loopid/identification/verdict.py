@@ -228,16 +228,6 @@ def _reached(found: Outcome) -> str:
     return " and ".join(filter(None, (", ".join(said[:-1]), *said[-1:])))
 
 
-def _better(found: Outcome) -> Iterator[Finding]:
-    """Of all parameters, where they predict clearly better than the recommended ones."""
-    if found.advantage is not None:
-        yield warning(
-            f"all parameters predict {found.advantage:.2g} times better",
-            "than any robot with solid bodies and friction that dissipates, on data left out",
-            "look for a wrong sign, zero or length of the file",
-        )
-
-
 def _turning_friction(found: Outcome) -> Finding:
     """Motors whose force follows their rate as no friction does."""
     every, turning = found[ALL].fit, found.fit.turning
@@ -266,9 +256,10 @@ def _use(found: Outcome, error: float) -> str:
     for single in _of_single_moves(found):
         return f"{NOT_FIT} beyond its own moves, as {single.title}"
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
-    if silent := _silent(found):
+    silent, _, standing = _idle(found)
+    if silent:
         use += f" but that of {first_of(silent, NAMED)}"
-    if standing := _standing(found):
+    if standing:
         use += f" with {first_of(standing, NAMED)} at standstill"
     model = _of_model(found)
     if model is not None and model.severity == "note" and found.choice is not None:
@@ -324,30 +315,20 @@ def _noisy(found: Outcome) -> Iterator[Finding]:
         )
 
 
-def _standing(found: Outcome) -> tuple[str, ...]:
-    """Motors that never move in the data."""
-    silent = _silent(found)
-    if silent and found.force_model.robot.redundant:
-        return ()  # what is left out is so by these
-    return tuple(name for name in _unused(found) if name not in silent)
-
-
-def _silent(found: Outcome) -> tuple[str, ...]:
-    """Motors whose force is zero all along."""
-    motors = found.force_model.robot.actuated
-    return tuple(name for name in silent_motors(found.training) if name in motors)
-
-
-def _unused(found: Outcome) -> tuple[str, ...]:
-    """Motors of which no sample is used."""
-    data, motors = found.data, found.force_model.robot.actuated
-    columns = zip(data.actuators, data.used.T, strict=True)
-    return tuple(name for name, used in columns if name in motors and not used.any())
+def _idle(found: Outcome) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Motors without force all along, those that these leave out, too, and those that stand."""
+    motors, columns = found.force_model.robot.actuated, found.data.used.T
+    silent = tuple(name for name in silent_motors(found.training) if name in motors)
+    both = zip(found.data.actuators, columns, strict=True)
+    unused = [name for name, used in both if not used.any()]
+    others = tuple(name for name in unused if name in motors and name not in silent)
+    left_out = silent and found.force_model.robot.redundant
+    return silent, others if left_out else (), () if left_out else others
 
 
 def _of_idle(found: Outcome) -> Iterator[Finding]:
     """What the data cannot say of motors that stand, or without force."""
-    silent, standing = _silent(found), _standing(found)
+    silent, others, standing = _idle(found)
     if standing:
         yield warning(
             f"{first_of(standing, NAMED)} never moves",
@@ -355,7 +336,6 @@ def _of_idle(found: Outcome) -> Iterator[Finding]:
             "record a motion that moves it; if it did move, its column of positions is dead",
         )
     if silent:
-        others = [name for name in _unused(found) if name not in silent]
         also = f"; so are the forces of {first_of(others, NAMED)}, as it adds to them"
         yield warning(
             f"the force of {first_of(silent, NAMED)} is zero all along",
@@ -456,7 +436,14 @@ def _wrong(found: Outcome) -> Iterator[Finding]:
     """What another motion does not mend, the likeliest cause first."""
     coarse = _coarse(found)
     worst = found.new.actuators[found.unseen.worst[1]]
-    others = [*_better(found), *(() if worst in coarse else _unexplained(found))]
+    others = [] if worst in coarse else [*_unexplained(found)]
+    if found.advantage is not None:
+        better = warning(
+            f"all parameters predict {found.advantage:.2g} times better",
+            "than any robot with solid bodies and friction that dissipates, on data left out",
+            "look for a wrong sign, zero or length of the file",
+        )
+        others.insert(0, better)
     if coarse:
         yield warning(
             f"the force of {first_of([*coarse], NAMED)} comes in coarse steps",

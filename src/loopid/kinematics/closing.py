@@ -408,7 +408,10 @@ class _LoopPoses:
                 turning = self._turning(jacobian[k], frames.angular[k])
                 away = difference(robot, self.drawn[None], q[k, None])[0] / robot.coordinate_scales
                 distance = float(np.linalg.norm(away[self.passive]))
-                found.append(_Solution(q[k], points[k], distance, _pairs(turning, PARALLEL)))
+                apart = np.abs(turning[:, None] - turning[None]).max(axis=2, initial=0.0)
+                alike = apart <= PARALLEL * np.abs(turning).max(initial=1e-300)
+                parallel = int(np.triu(alike, 1).sum())  # pairs of links that turn alike
+                found.append(_Solution(q[k], points[k], distance, parallel))
         return found
 
     def _turning(self, jacobian: FloatArray, angular: FloatArray) -> FloatArray:
@@ -419,10 +422,3 @@ class _LoopPoses:
         turning = relative[:, :, self.driving] * scales[self.driving]
         turning = turning + (relative[:, :, self.passive] * scales[self.passive]) @ rates
         return np.asarray(turning.reshape(len(turning), -1))
-
-
-def _pairs(turning: FloatArray, tolerance: float) -> int:
-    """Pairs of links that turn alike."""
-    apart = np.abs(turning[:, None] - turning[None]).max(axis=2, initial=0.0)
-    alike = apart <= tolerance * np.abs(turning).max(initial=1e-300)
-    return int(np.triu(alike, 1).sum())

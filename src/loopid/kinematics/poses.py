@@ -44,7 +44,7 @@ def blocks(count: int, size: int | None = None) -> Iterator[slice]:
 
 
 class Prepared:
-    """Indices and units that are made once a robot; see ``prepared``."""
+    """Indices and units of a robot."""
 
     def __init__(self, robot: Robot) -> None:
         models = list(enumerate(robot.model.joints))[1:]
@@ -60,10 +60,7 @@ class Prepared:
         self.few_enough: set[int] = set()  # numbers of independent coordinates
 
 
-@derived
-def prepared(robot: Robot) -> Prepared:
-    """What is prepared for a robot, made when it is first used."""
-    return Prepared(robot)
+prepared = derived(Prepared)  # made once a robot, when it is first used
 
 
 @dataclass(eq=False)

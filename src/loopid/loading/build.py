@@ -19,12 +19,11 @@ from loopid.errors import (
     shown,
     warn,
 )
-from loopid.loading.checks import warn_of_findings
+from loopid.loading.checks import undeclared_loops, warn_of_findings
 from loopid.loading.description import Description, merged
 from loopid.loading.model_closures import find_closures, find_couplings, frame_named
 from loopid.loading.reference import close_reference, with_lengths
 from loopid.loading.tree import TreeSource, build_tree, written_reference
-from loopid.loading.undeclared import undeclared_loops
 from loopid.registry import words_of_files
 from loopid.robot.robot import RANK_TOLERANCE, Body, LinkGroup, Platform, Robot, link_frames
 
@@ -153,11 +152,10 @@ def _bodies(tree: TreeSource) -> tuple[Body, ...]:
 
 
 def _platform(model: pin.Model, description: Description) -> Platform | None:
-    platform = description.platform
-    if platform is None:
+    if (given := description.platform) is None:
         return None
-    names, motions = tuple(platform.coordinates), tuple(platform.coordinates.values())
-    return Platform(platform.frame, frame_named(model, platform.frame), names, motions)
+    frame_id, motions = frame_named(model, given.frame), tuple(given.coordinates.values())
+    return Platform(given.frame, frame_id, tuple(given.coordinates), motions)
 
 
 def _identical(

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator
 
 from loopid.border import validated
-from loopid.errors import OptionError, naming
-from loopid.loading.description import ClosureDescription, Description, closure_kind, keys_of
+from loopid.errors import OptionError
+from loopid.loading.description import ClosureDescription, Description, keys_of
 from loopid.loading.tree import Reference
 from loopid.records import record
-from loopid.robot.closures import CLOSURE_KINDS, Axis, JointCoupling, LoopClosure
+from loopid.robot.closures import Axis, JointCoupling, LoopClosure
 
 
 @record(checked=True)
@@ -63,17 +63,6 @@ class Closure:
                 "give a Coupling",
                 given=self.kind,
             )
-        if closure_kind(self.kind) is None:
-            with naming(f"closure {self.frame_a}-{self.frame_b}"):
-                raise OptionError.unknown("kind of closure", self.kind, CLOSURE_KINDS)
-        known, _ = keys_of(str(closure_kind(self.kind)))
-        for name in ("axes", "length", "joint"):
-            if getattr(self, name) is not None and name not in known:
-                raise OptionError(
-                    f"closure {self.frame_a}-{self.frame_b}: a {self.kind} closure has no {name}: "
-                    "leave it out, or give another kind",
-                    argument=name,
-                )
         _ = self.description  # or an OptionError
 
     @property
@@ -173,8 +162,5 @@ def with_more(
         "reference": given.reference | dict(reference or {}),
     }
     if motors is not None:
-        twice = next((name for name in motors if list(motors).count(name) > 1), None)
-        if twice is not None:
-            raise OptionError(f"motors: joint {twice} is listed twice", given=twice)
         update["name_mot"] = list(motors)
     return given.model_copy(update=update)

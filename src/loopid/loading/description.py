@@ -253,14 +253,10 @@ class Description(Section):
         return self
 
     @model_validator(mode="after")
-    def _cables_run(self) -> Description:
+    def _cables_and_groups_are_sound(self) -> Description:
         for name, frames in self.cables.items():
             if len(frames) == 1 or any(one == two for one, two in pairwise(frames)):
                 raise ValueError(f"cables: {name} runs from one frame to another, or through more")
-        return self
-
-    @model_validator(mode="after")
-    def _groups_are_disjoint(self) -> Description:
         for link in _repeated(link for group in self.identical.values() for link in group):
             raise ValueError(f"identical: link {link} is listed twice")
         for name in self.identical:

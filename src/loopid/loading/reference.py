@@ -231,22 +231,21 @@ def _in_a_mode(
 
 def _attempts(robot: Robot, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
     """Configurations and what their loops stay open by (m), from the most to the least wanted."""
-    start = robot.reference[None]
     left_out = sorted({*robot.joints} - {*given}, key=robot.joint_ranks.__getitem__)
     either = {*robot.passive, *left_out}
     passive = robot.velocity_indices(robot.passive)
     movable = robot.velocity_indices([name for name in robot.joints if name in either])
     # Motors that a start puts anywhere may stay there, or help.
     ways = [passive, movable] if len(movable) > len(passive) else [passive]
-    for joints in ways:
-        yield from zip(*close_loops(robot, start, joints), strict=True)
-        if robot.rows == 0:
-            return
     generator = random_generator(0)
-    for _ in range(STARTS // PART if left_out else 0):
-        starts = np.stack([_scattered(robot, left_out, generator) for _ in range(PART)])
+    for k in range(1 + STARTS // PART if left_out else 1):
+        starts = (
+            [_scattered(robot, left_out, generator) for _ in range(PART)]
+            if k
+            else [robot.reference]
+        )
         for joints in ways:
-            yield from zip(*close_loops(robot, starts, joints), strict=True)
+            yield from zip(*close_loops(robot, np.stack(starts), joints), strict=True)
 
 
 def _scattered(robot: Robot, joints: list[str], generator: np.random.Generator) -> FloatArray:

@@ -305,7 +305,7 @@ def _joint_forces(urdf: UrdfFile, dialects: Iterable[Dialect]) -> tuple[Terms, l
         for name, values in dialect.joint_terms.items():
             given[name] |= values
     for transmission in urdf.root.iter("transmission", "{*}transmission"):
-        _read_transmission(transmission, given, left_out)
+        left_out += _read_transmission(transmission, given)
     terms = {}
     for name, values in given.items():
         if "slack" in values:  # Ks (q - q0) = Ks q + Fo
@@ -351,33 +351,24 @@ def coefficients(element: xml.Element) -> dict[str, float]:
     return found
 
 
-def _read_transmission(transmission: xml.Element, given: Terms, left_out: list[LeftOut]) -> None:
-    """Inertia of the rotor behind the reduction, of a transmission of one joint."""
-    joints = [
-        (joint.get("name") or "").strip() for joint in xml.inner_tags(transmission, ("joint",))
-    ]
-    driven = [name for name in dict.fromkeys(joints) if name in given]
-    texts = {
-        what: xml.said(transmission, *tags)
-        for what, tags in (("reduction", REDUCTIONS), ("rotor inertia", ROTORS))
-    }
-    listed = ", ".join(f"{what} {text}" for what, text in texts.items() if text)
-    if not driven or not listed:
+def _read_transmission(transmission: xml.Element, given: Terms) -> Iterator[LeftOut]:
+    """Add the inertia of the rotor behind the reduction, of one joint; gives what is left out."""
+    tags = xml.inner_tags(transmission, ("joint",))
+    joints = dict.fromkeys((tag.get("name") or "").strip() for tag in tags)
+    driven = [name for name in joints if name in given]
+    reduction, rotor = (xml.said(transmission, *tags) for tags in (REDUCTIONS, ROTORS))
+    ratio = number(reduction or "1")
+    inertia = number(rotor or "0") * ratio * ratio
+    if not driven or not (reduction or rotor):
         return
-    try:
-        ratio, rotor = (
-            number(text) if text else default
-            for text, default in zip(texts.values(), (1.0, 0.0), strict=True)
-        )
-        inertia = rotor * ratio**2
-    except OverflowError:
-        inertia = math.nan
     if len(driven) > 1 or not math.isfinite(inertia):
+        said = {"reduction": reduction, "rotor inertia": rotor}
+        listed = ", ".join(f"{what} {text}" for what, text in said.items() if text)
         what = f"{listed} of the transmission of {', '.join(driven)}"
-        left_out.append(LeftOut(what, is_force=bool(texts["rotor inertia"])))
+        yield LeftOut(what, is_force=bool(rotor))
         return
     if inertia:
         given[driven[0]]["Ia"] = given[driven[0]].get("Ia", 0.0) + inertia
     if ratio != 1:
         what = f"reduction {ratio:g} of the transmission of {driven[0]}"
-        left_out.append(LeftOut(f"{what}: logs count at the joint", is_force=False))
+        yield LeftOut(f"{what}: logs count at the joint", is_force=False)

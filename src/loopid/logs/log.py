@@ -48,7 +48,7 @@ from loopid.logs.signals import (
     unit_of,
     wrench_name,
 )
-from loopid.logs.table import COMPONENTS, QUANTITIES, array_table
+from loopid.logs.table import COMPONENTS, QUANTITIES, array_table, columns_in
 from loopid.records import Tabular, columns_of, derived, record
 
 if TYPE_CHECKING:
@@ -310,8 +310,9 @@ class Log(Tabular):
         Parameters
         ----------
         frame : DataFrame
-            Of Polars or pandas, or what else has columns by name: a dictionary of arrays, an array
-            with fields. Times may be dates or durations, and those of pandas its index.
+            Of Polars or pandas, or what else has columns by name: a dictionary of arrays or
+            matrices, an array with fields. Times may be dates or durations, and those of pandas
+            its index.
         joints : sequence of str
             The m motors.
         mapping : LogMapping or path, optional
@@ -567,7 +568,10 @@ def _columns_of(frame: Any) -> dict[str, Any]:
             f"a frame has columns with names, as a DataFrame has, not {type(frame).__name__}",
             given=type(frame).__name__,
         )
-    columns = {str(key): frame[key] for key in keys}
+    columns = dict[str, Any]()
+    for key in keys:
+        several = isinstance(frame[key], np.ndarray) and frame[key].ndim == 2
+        columns |= columns_in(str(key), frame[key]) if several else {str(key): frame[key]}
     index: Any = getattr(frame, "index", None)
     if hasattr(index, "name"):  # of pandas; numbers of rows have no name
         dates = getattr(getattr(index, "dtype", None), "kind", "") in "mM"

@@ -150,7 +150,7 @@ def prepare(
     saturated = near_saturation(log, limits, lowpass)[rows]
     stuck = sticking(log, velocity)
     slow = idle_samples(robot, log, velocity, rows)
-    idle = standing(robot, log, slow, rows, lowpass, stuck)
+    idle = standing(robot, log, slow, lowpass, stuck)[rows]
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
         raise LogError(said)
@@ -549,14 +549,9 @@ def _where(time: FloatArray, flags: BoolArray) -> str:
 
 
 def standing(
-    robot: Robot,
-    log: Log,
-    slow: BoolArray,
-    rows: IntArray,
-    lowpass: LowPass | None,
-    stuck: BoolArray,
+    robot: Robot, log: Log, slow: BoolArray, lowpass: LowPass | None, stuck: BoolArray
 ) -> BoolArray:
-    """Where each motor is at or near a standstill (K, m), of some rows (K,).
+    """Where each motor is at or near a standstill (N, m).
 
     Friction can be anything while a motor is slow or sticks (N, m), and the filter spreads it. One
     that turns back smoothly is slow for less long: there friction shows how it builds up.
@@ -568,7 +563,7 @@ def standing(
         long = ~_within_reach(~slow[part], half)  # for a whole standstill
         reach = reach_of(lowpass, rate)
         idle[part] |= _within_reach(long, half + reach) | _within_reach(stuck[part], reach)
-    return idle[rows]
+    return idle
 
 
 def sticking(log: Log, velocity: FloatArray) -> BoolArray:

@@ -91,38 +91,22 @@ def read_log(
         if not forces:
             mapping = mapping.model_copy(update={"wrenches": []})
         require_known_motion(robot, mapping.free)
-        place = _existing(path)
         for wrench in mapping.wrenches:
             frame_index(robot, wrench.frame)
-        found = read_streams(
-            place, robot.actuated, mapping, rows=rows, locked=robot.locked, forces=forces
-        )
+        found = read_streams(path, robot, mapping, rows=rows, forces=forces)
         streams = check_streams(robot, found, static=mapping.static)
-        name = stream_name(place.resolve())
+        name = stream_name(Path(path).resolve())
         log = Log.from_streams(name, streams, robot.actuated, mapping)
         log = with_checked_rates(log)
     return replace(log, checked=True)
 
 
-def _existing(path: str | Path) -> Path:
-    """A log that is there."""
-    require_name(path, "the log")
-    place = Path(path)
-    reason = why_no_file(place)
-    if reason == "does not exist":
-        raise FileError(f"there is no log {place}{near_file(place)}", file=place)
-    if reason not in ("", "is a folder"):
-        raise LogError(f"log {place} {reason}", file=place)
-    return place
-
-
 def read_streams(
-    path: Path,
-    joints: tuple[str, ...],
+    path: str | Path,
+    robot: Robot,
     mapping: LogMapping,
     *,
     rows: tuple[int, int | None] | None = None,
-    locked: Mapping[str, float | None] | None = None,
     forces: bool = True,
 ) -> list[Stream]:
     """The streams of the motors, that of the first position first; of it, only some ``rows``."""
@@ -131,14 +115,12 @@ def read_streams(
             f"rows must be counted from 1, the first before the last, not {rows[0]} to {rows[1]}",
             given=rows,
         )
-    log = open_log(path, mapping)
-    source = str(path)
-    finder = ColumnFinder(source, log.columns(), mapping, log.ordered, log.choice)
-    locked = locked or {}
-    for joint, value in _elsewhere(source, log, finder, locked).items():
+    log, finder = open_log(path, mapping)
+    source, joints = finder.source, robot.actuated
+    for joint, value in _elsewhere(log, finder, robot.locked).items():
         raise LogError(
-            f"{source}: {joint} is locked at {locked[joint]:.6g}, but stands at {value:.6g}: load "
-            f'the robot with lock=["{joint}={value:.6g}"]',
+            f"{source}: {joint} is locked at {robot.locked[joint]:.6g}, but stands at {value:.6g}: "
+            f'load the robot with lock=["{joint}={value:.6g}"]',
             given=value,
             tolerance=LOCKED,
         )
@@ -161,7 +143,7 @@ def read_streams(
 
 
 def _elsewhere(
-    source: str, log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
+    log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
 ) -> dict[str, float]:
     """Where a log has joints that are locked elsewhere; one in which they move is refused."""
     found = {}
@@ -172,12 +154,12 @@ def _elsewhere(
         place, scale = column
         times = finder.time(place.stream).names
         (table, *_) = log.tables(place.stream, times, [place.column])
-        positions = scale * numbers_in(source, table.cells[place.column])
+        positions = scale * numbers_in(finder.source, table.cells[place.column])
         low, high = np.nanpercentile(positions, (1, 99)) if len(positions) else (value, value)
         if high - low > LOCKED:
             raise LogError(
-                f"{source}: {joint} is locked, but moves from {low:.4g} to {high:.4g} in column "
-                f"{place.column!r}: load the robot without that lock"
+                f"{finder.source}: {joint} is locked, but moves from {low:.4g} to {high:.4g} in "
+                f"column {place.column!r}: load the robot without that lock"
             )
         middle = float(np.nanmedian(positions))
         if abs(middle - value) > LOCKED:
@@ -200,9 +182,8 @@ def locked_as_logged(
         return robot
     mapping = mapping_of(mapping)
     require_known_motion(robot, mapping.free)
-    log = open_log(_existing(path), mapping)
-    finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)
-    found = _elsewhere(str(path), log, finder, robot.locked)
+    log, finder = open_log(path, mapping)
+    found = _elsewhere(log, finder, robot.locked)
     if found:
         places = ", ".join(f"{joint} at {value:.6g}" for joint, value in found.items())
         warn(f"{path}: locked where the log has it: {places}", ModelWarning)
@@ -249,8 +230,18 @@ def _lacking(robot: Robot, finder: ColumnFinder) -> list[str]:
     return [name for name in lacking if name not in moving]
 
 
-def open_log(path: Path, mapping: LogMapping) -> LogFormat:
-    """The log in its format: as the mapping says, or that of those registered which accepts it."""
+def open_log(path: str | Path, mapping: LogMapping) -> tuple[LogFormat, ColumnFinder]:
+    """The log in its format, and its columns.
+
+    The format is as the mapping says, or that of those registered which accepts it.
+    """
+    require_name(path, "the log")
+    path = Path(path)
+    reason = why_no_file(path)
+    if reason == "does not exist":
+        raise FileError(f"there is no log {path}{near_file(path)}", file=path)
+    if reason not in ("", "is a folder"):
+        raise LogError(f"log {path} {reason}", file=path)
     accepting = (name for name in reversed([*log_formats]) if log_formats[name].accepts(path))
     name = mapping.format or next(accepting, None)
     if name is None:
@@ -270,5 +261,5 @@ def open_log(path: Path, mapping: LogMapping) -> LogFormat:
                 file=path,
                 key=key,
             )
-    chosen = getattr(mapping, kind.choice) if kind.choice else None
-    return kind(path, chosen)
+    log = kind(path, getattr(mapping, kind.choice) if kind.choice else None)
+    return log, ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)

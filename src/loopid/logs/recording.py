@@ -406,15 +406,12 @@ class Recording(Tabular):
         LogError
             When there are none in which a motor moves.
         """
-        for name, given in (("start", start), ("end", end)):
-            if np.isnan(given):
-                raise OptionError(f"{name} must be a time in s, not nan", argument=name)
         time = self.motion.time
-        if start < min(0.0, time[0]):
+        if not start >= min(0.0, time[0]):
             said = f"start must be a time in s from the start of the log, not {start:g}"
             raise OptionError(said, argument="start", given=start)
-        if end <= start:
-            raise OptionError(f"end must be above start, {start:g} s, not {end:g}", argument="end")
+        if not end > start:
+            raise OptionError(f"end must be above {start:g} s, not {end:g}", argument="end")
         part = self.select((time >= start) & (time <= end))
         if self.used.any() and not part.used.any():
             raise LogError(

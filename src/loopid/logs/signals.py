@@ -10,7 +10,7 @@ import re
 import unicodedata
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, count, product
 from math import pi
@@ -21,6 +21,7 @@ import numpy as np
 from loopid.arguments import IntArray
 from loopid.errors import DataWarning, LogError, first_of, warn
 from loopid.logs.table import COMPONENTS, MOST_LISTED, NANOSECONDS, NO_STAMP, QUANTITIES, stamps_in
+from loopid.records import derived
 
 if TYPE_CHECKING:
     import polars
@@ -271,7 +272,6 @@ class ColumnFinder:
     mapping: LogMapping
     ordered: bool = True  # whether columns of a stream stand in an order that says something
     choice: str | None = None  # the key of the mapping that chooses among the streams
-    _times: dict[str, TimeColumn] = field(default_factory=dict)  # that were found
 
     def channels(self, joints: tuple[str, ...], *, forces: bool = True) -> dict[str, list[Channel]]:
         """The columns of all quantities by stream, that of the first position first.
@@ -387,18 +387,13 @@ class ColumnFinder:
             )
         return Unit("SI", 1.0)
 
+    @derived
     def time(self, stream: str) -> TimeColumn:
         """The time of a stream; a LogError when it is not found, or there are several."""
-        if stream not in self._times:
-            given, period = self.mapping.time, self.mapping.row_period
-            if period is not None:
-                found = TimeColumn("", NANOSECONDS["s"] * period)
-            elif given is not None:
-                found = self._given_time(given, stream)
-            else:
-                found = self._found_time(stream)
-            self._times[stream] = found
-        return self._times[stream]
+        given, period = self.mapping.time, self.mapping.row_period
+        if period is not None:
+            return TimeColumn("", NANOSECONDS["s"] * period)
+        return self._found_time(stream) if given is None else self._given_time(given, stream)
 
     def _found_time(self, stream: str) -> TimeColumn:
         here = self.streams[stream]

@@ -295,7 +295,7 @@ class ArrayFormat(LogFormat):
         with refusals(self.path, self.kind):
             for stream, array, values in self._arrays():
                 columns = streams.setdefault(stream, {})
-                for name, column in _columns_in(array, values):
+                for name, column in columns_in(array, values):
                     if name in columns:
                         raise self.refused(
                             f"has column {name!r} twice, the second in {array} of {stream}"
@@ -319,7 +319,7 @@ def has_columns(shape: tuple[int, ...]) -> bool:
     return len(shape) == 1 or (len(shape) == 2 and min(shape) <= WIDEST)
 
 
-def _columns_in(name: str, array: NDArray[Any]) -> Iterator[tuple[str, NDArray[Any]]]:
+def columns_in(name: str, array: NDArray[Any]) -> Iterator[tuple[str, NDArray[Any]]]:
     """Columns (R,) of an array by their names; those of a table are its fields of one number."""
     if array.dtype.names:
         yield from ((f, array[f]) for f in array.dtype.names if not array.dtype[f].shape)

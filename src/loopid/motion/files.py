@@ -366,24 +366,19 @@ def _planned(name: str, motion: MotionDescription, place: Place) -> PlannedMotio
 
 
 def motion_text(
-    name: str,
-    description: str,
-    coordinates: tuple[str, ...],
-    rate: float,
-    start: FloatArray,
-    waypoints: Iterable[Waypoint],
+    name: str, description: str, motion: Motion, start: FloatArray, waypoints: Iterable[Waypoint]
 ) -> str:
-    """The file of one motion from a start, as ``read_motion_program`` reads it."""
+    """The file of one motion from a start (c,), as ``read_motion_program`` reads it."""
 
     def pose(values: FloatArray) -> dict[str, float]:
-        return dict(zip(coordinates, values.tolist(), strict=True))
+        return dict(zip(motion.names, values.tolist(), strict=True))
 
     here, steps = start, list[dict[str, Any]]()
     for waypoint in waypoints:
         curve, step = waypoint.curve, dict[str, Any](seconds=float(waypoint.seconds))
         if isinstance(curve, FourierCurve):
             parts = (part.T.tolist() for part in np.split(curve.shape, 2))
-            both = zip(coordinates, *parts, strict=True)
+            both = zip(motion.names, *parts, strict=True)
             step = {"fourier": {x: {"sine": s, "cosine": c} for x, s, c in both}} | step
         elif (waypoint.position == here).all():
             step = {"hold": step["seconds"]}
@@ -391,6 +386,6 @@ def motion_text(
             step = {"to": pose(waypoint.position)} | step
         steps.append(step)
         here = waypoint.position
-    motion = {"description": description, "start": pose(start), "steps": steps}
-    content = {"coordinates": list(coordinates), "rate": rate, "motions": {name: motion}}
-    return yaml_text(content)
+    rate = float((len(motion) - 1) / motion.duration)
+    said = {"description": description, "start": pose(start), "steps": steps}
+    return yaml_text({"coordinates": [*motion.names], "rate": rate, "motions": {name: said}})

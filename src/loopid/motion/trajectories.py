@@ -15,6 +15,7 @@ from loopid.records import Tabular, columns_of, record
 
 # Rate and acceleration at the ends, as parts of the largest terms, that count as rest.
 REST = 1e-9
+DERIVATIVES = "position", "velocity", "acceleration"
 
 
 @record(checked=True)
@@ -39,7 +40,7 @@ class Motion(Tabular):
     def __post_init__(self) -> None:
         time = times(self.time)
         object.__setattr__(self, "time", time)
-        for name in ("position", "velocity", "acceleration"):
+        for name in DERIVATIVES:
             values = shaped(getattr(self, name), name, len(time), len(self.names))
             object.__setattr__(self, name, values)
 
@@ -50,13 +51,8 @@ class Motion(Tabular):
         return f"<Motion of {', '.join(self.names)}: {len(self)} samples, {self.duration:g} s>"
 
     def _table(self) -> dict[str, FloatArray]:
-        return columns_of(
-            self.names,
-            self.time,
-            position=self.position,
-            velocity=self.velocity,
-            acceleration=self.acceleration,
-        )
+        quantities = {name: getattr(self, name) for name in DERIVATIVES}
+        return columns_of(self.names, self.time, **quantities)
 
     @property
     def duration(self) -> float:

@@ -43,7 +43,7 @@ STAND_IN = (
     "No log of the real robot was given: a simulated robot stands in, with masses and inertias "
     "sampled about the robot file's with a standard deviation of 10 %."
 )
-SYMBOLIC = "poses", "columns", "difference", "symbolic_seconds", "pinocchio_seconds", "transfers"
+SYMBOLIC = "poses", "columns", "difference", "transfers"
 
 
 def paper_report(found: PaperReproduction) -> Report:
@@ -138,14 +138,13 @@ def story_table(found: PaperReproduction) -> Table:
     gap, printed = comparison.subgroups["gap"], comparison.subgroups["pseudocode"]
     worst, fits = _worst_errors(actual), _fitting(found.simulated)
     true = "" if actual.truth is None else f", true {actual.truth[0]:.2f}"
-    by_symbols, by_pinocchio = 1e6 * symbolic.symbolic_seconds, 1e6 * symbolic.pinocchio_seconds
     steps = {
         "robot": f"{nv} joints, {loops} closures, {dof} motors; Table I to {off:.0e}",
         "regressor": f"Y of the open tree by Pinocchio, {nv} x {count} gravity columns a pose",
         "projection": f"K = GᵀY, {dof} x {count}; {len(structure.columns)} columns have an effect, "
         f"rank {structure.rank} (gap {structure.rank_gap:.0e})",
         "symbolic model": f"SymPy's K differs by {symbolic.difference:.0e} at {symbolic.poses} "
-        f"random closed poses; {by_symbols:.0f} µs a pose, Pinocchio {by_pinocchio:.0f} µs",
+        "random closed poses",
         "subgroup search": f"{_reached(gap)}; as printed: {_reached(printed)}",
         "exact search": f"cond(V22) {search.condition_number:.4f}, {_proof(search)} of "
         f"{search.candidates:,}, {_time(search.seconds)}",

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from timeit import repeat
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,7 +70,6 @@ TIMES = {
 EXHAUSTIVE = "155,117,520 combinations", "2.2370", "yes, one of 4,096", "minutes"
 
 POSES = 200  # at which symbolic and numeric regressors are compared
-TIMED_RUNS = 7
 FIELDS = {"d_s": "ds"}  # of the symbolic geometry, where Table I has another name
 # Table I measures the angles of points 2 (D) and 3 (I) from opposite sides of the x axis.
 SIDES = {2: ("D", 1.0), 3: ("I", -1.0)}
@@ -177,8 +175,6 @@ class SymbolicComparison:
     poses: int  # random closed ones
     columns: int  # that both have
     difference: float  # largest of an entry, relative to the largest entry at its pose
-    symbolic_seconds: float  # a pose, of many at once
-    pinocchio_seconds: float
     transfers: tuple[Transfer, ...]  # Table III
 
 
@@ -190,9 +186,7 @@ def compare_symbolic(robot: Robot, seed: int = 0) -> SymbolicComparison:
     geometry = symbolic.Geometry.from_degrees(**printed)
     q = random_configurations(robot, POSES, seed=seed)
     pose = platform_coordinates(robot, q)
-    symbolic.gravity_regressor(geometry, pose[:1])  # derives and compiles once
-    expected, by_sympy = _timed(lambda: symbolic.gravity_regressor(geometry, pose))
-    found, by_pinocchio = _timed(lambda: gravity_regressor(robot, q))
+    expected, found = symbolic.gravity_regressor(geometry, pose), gravity_regressor(robot, q)
     names = robot.parameters("gravity").labels
     found = found[:, :, [names.index(label) for label in symbolic.GRAVITY_LABELS]]
     difference = np.abs(found - expected).max(axis=(1, 2)) / np.abs(expected).max(axis=(1, 2))
@@ -200,15 +194,8 @@ def compare_symbolic(robot: Robot, seed: int = 0) -> SymbolicComparison:
         poses=POSES,
         columns=found.shape[2],
         difference=float(difference.max()),
-        symbolic_seconds=by_sympy / POSES,
-        pinocchio_seconds=by_pinocchio / POSES,
         transfers=inertia_transfers(geometry),
     )
-
-
-def _timed(call: Callable[[], FloatArray]) -> tuple[FloatArray, float]:
-    """What a call gives, and the median of its times in s."""
-    return call(), float(np.median(repeat(call, number=1, repeat=TIMED_RUNS)))
 
 
 def inertia_transfers(geometry: Geometry) -> tuple[Transfer, ...]:

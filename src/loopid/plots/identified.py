@@ -14,7 +14,7 @@ from loopid.identification.estimates import Estimate
 from loopid.identification.friction_curves import (
     friction_columns,
     friction_curve,
-    friction_summary,
+    friction_numbers,
     frictional_joints,
 )
 from loopid.identification.identification import Identification
@@ -34,6 +34,13 @@ MOST, ROOM = 0.95, 1.3  # quantile of the friction's band, and times that, that 
 MOST_CHANGE = 200.0  # % from the robot file, at which charts are cut
 CURVE_POINTS = 50  # of a friction curve on either side of standstill
 DOTS = 240  # of the forces that it explains
+# Numbers that stand for it, in words.
+FRICTION = {
+    "Fc": "Coulomb",
+    "Fv": "viscous",
+    "Fk0": "more at standstill",
+    "Ft": "part of the load",
+}
 # Of the kinds whose size the evidence decides: those that say something alone.
 ALONE = "Fk0", "Ft"
 
@@ -130,9 +137,7 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
     """
     fit, data, robot = found.fit, found.data, found.force_model.robot
     velocities = np.concatenate([run.motion.velocities for run in found.training])
-    rows, panels, summary = spread_rows(len(data), DOTS), list[Panel](), friction_summary(fit)
-    words = "Coulomb", "viscous", "more at standstill", "part of the load"
-    friction = dict(zip(summary.joints, zip(*summary.parts.values(), strict=True), strict=True))
+    rows, panels, numbers = spread_rows(len(data), DOTS), list[Panel](), friction_numbers(fit)
     residual = data.residual(fit.values)[rows]
     for joint in (joint for joint in frictional_joints(fit) if joint in data.actuators):
         k, own = data.actuators.index(joint), friction_columns(fit, joint)
@@ -143,28 +148,24 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
         curve = friction_curve(fit, joint, rates)
         for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
-            marks += _banded(rates[half], curve.values[half], curve.band[half])
+            low, high = curve.band[half].T
+            if np.isfinite(low).all() and np.isfinite(high).all():
+                marks.append(Mark("95 % interval", rates[half], low, "fit", "band", high))
+            marks.append(Mark("friction", rates[half], curve.values[half], "fit"))
         # Next to standstill hardly anything is known: bands there would flatten the rest.
         most = ROOM * float(np.quantile(np.abs(curve.band), MOST))
         limits = (-most, most) if np.isfinite(most) and most else None
-        parts = zip(words, friction[joint], strict=True)
-        note = ", ".join(f"{word} {value_text(each, fit.assumed)}" for word, each in parts if each)
+        parts = (
+            f"{FRICTION[kind]} {value_text(each, fit.assumed)}"
+            for kind, each in numbers[joint].items()
+        )
+        note = ", ".join(parts)
         said = of_motor(robot, joint, worst) | {"note": note, "y_limits": limits}
         panels.append(Panel(f"friction ({robot.units(joint)[1]})", tuple(marks), **said))
     caption = "Friction over the rate of each motor, by the recommended fit."
-    return _by_motor("friction", caption, f"rate ({_units(robot, 'rad/s', 'm/s')})", panels)
-
-
-def _units(robot: Robot, turning: str, sliding: str) -> str:
-    """Unit of all motors; both where some turn and some slide."""
-    both = {sliding if robot.slides(name) else turning for name in robot.actuated}
-    return " or ".join(sorted(both, reverse=True))
-
-
-def _banded(x: FloatArray, values: FloatArray, band: FloatArray) -> list[Mark]:
-    """Friction, and its interval where that is known."""
-    reach = Mark("95 % interval", x, band[:, 0], "fit", "band", band[:, 1])
-    return [reach] * bool(np.isfinite(band).all()) + [Mark("friction", x, values, "fit")]
+    units = {"m/s" if robot.slides(name) else "rad/s" for name in robot.actuated}
+    rate = f"rate ({' or '.join(sorted(units, reverse=True))})"
+    return _by_motor("friction", caption, rate, panels)
 
 
 def value_text(each: Estimate, assumed: Sequence[str] = ()) -> str:

@@ -12,7 +12,6 @@ from loopid.errors import DataError, OptionError, counted
 from loopid.identification.result import Fit
 from loopid.identification.saved import FitFile
 from loopid.plots.pictures import alone, comparison_chart
-from loopid.records import json_value
 from loopid.report.look import json_fields, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
 
@@ -122,16 +121,15 @@ def _record(
             )
             row["values"][k], row["standard_errors"][k] = each.value, each.standard_error
     for expression, row in known.items():
-        row["standard_errors"] = json_value(row["standard_errors"])
         own = [dict(zip(one.expressions, one.apart, strict=True)) for one in pairs.values()]
         sizes = [float(each[expression]) for each in own if expression in each]
-        row["apart"] = json_value(max(sizes, default=None))
+        row["apart"] = max(sizes, default=None)
         row["differs"] = any(expression in one.clear for one in pairs.values())
     runs = [
         {
             **{"name": name, "robot": file.robot["name"], "model": file.force_model["model"]},
             **json_fields(fit, "estimator"),
-            "rms": json_value(fit.quality.residual_rms) if fit.quality.samples.any() else None,
+            "rms": fit.quality.residual_rms.tolist() if fit.quality.samples.any() else None,
         }
         for (name, file), fit in zip(files.items(), fits.values(), strict=True)
     ]

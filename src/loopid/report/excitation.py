@@ -14,7 +14,6 @@ from loopid.motion.files import motion_text
 from loopid.numbers import number
 from loopid.plots.excitation import errors_chart, motion_chart
 from loopid.plots.structure import robot_chart
-from loopid.records import json_value
 from loopid.report.look import json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, panel_table
 
@@ -101,10 +100,9 @@ def excitation_report(found: ExcitationDesign) -> Report:
 
 def _motion_files(found: ExcitationDesign) -> dict[str, bytes | str]:
     """Position, velocity and acceleration of every motor over time, and the steps."""
-    table, motion = found.motors._table(), found.motion
+    table = found.motors._table()
     said = f"excites the {found.force_model.model} model, {found.options.criterion}"
-    rate = float((len(motion) - 1) / motion.duration)
-    steps = motion_text(NAME, said, motion.names, rate, found.start, found.waypoints)
+    steps = motion_text(NAME, said, found.motion, found.start, found.waypoints)
     return {"motion.csv": csv_text([*table], *table.values(), digits=12), "motion.yaml": steps}
 
 
@@ -119,10 +117,9 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
         **json_fields(found, *FOUND),
         "duration": found.motion.duration,
         "coordinates": list(found.motion.names),
-        "noise": dict(zip(robot.actuated, json_value(found.noise), strict=True)),
+        "noise": dict(zip(robot.actuated, found.noise.tolist(), strict=True)),
         "parameters": list(found.parameters.names),
-        "errors_before": json_value(found.errors_before),
-        "checks": json_value(found.checks),
+        **json_fields(found, "errors_before", "checks"),
     }
 
 

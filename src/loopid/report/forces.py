@@ -108,17 +108,14 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
 
 def _prediction_record(found: Prediction) -> dict[str, Any]:
     rest = found.standing
-    record: dict[str, Any] = json_value(
-        {
-            **json_fields(found.recording, "name", "actuators", "wrenches"),
-            "moving": {"samples": found.moving.samples, "rms": found.moving.residual_rms},
-            "standing_or_saturated": {"samples": rest.samples, "rms": rest.residual_rms},
-            "relative_errors": found.relative_errors,
-            "in_95_percent_band": found.inside,
-            "dropped": [str(dropped) for dropped in found.recording.dropped],
-        }
-    )
-    return record
+    return {
+        **json_fields(found.recording, "name", "actuators", "wrenches"),
+        "moving": {"samples": found.moving.samples, "rms": found.moving.residual_rms},
+        "standing_or_saturated": {"samples": rest.samples, "rms": rest.residual_rms},
+        "relative_errors": found.relative_errors,
+        "in_95_percent_band": found.inside,
+        "dropped": [str(dropped) for dropped in found.recording.dropped],
+    }
 
 
 def _prediction_table(robot: Robot, found: Prediction) -> Table:
@@ -310,7 +307,7 @@ def gains_report(robot: Robot, found: GainFit) -> Report:
         ),
         record=lambda: (
             json_fields(found, "actuators", "gains", "undetermined")
-            | {"intervals_95_percent": json_value(ends)}
+            | {"intervals_95_percent": ends}
         ),
         brief=[panel_table(panel)],
         pictures=lambda: (robot_chart(robot),),

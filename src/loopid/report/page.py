@@ -287,7 +287,7 @@ class Report:
     name: str  # of the record's form, and of its file
     title: str
     verdict: str  # which comes first
-    record: Callable[[], dict[str, Any]]  # all findings in plain numbers, lists and texts
+    record: Callable[[], dict[str, Any]]  # all findings, as ``json_value`` takes them
     brief: Sequence[Table]  # what the terminal shows below the verdict
     sections: Callable[[], Sequence[Section]]  # of the page
     card: Card
@@ -309,10 +309,11 @@ class Report:
         said = {
             "verdict": self.verdict,
             "advice": self.advice,
-            "findings": [json_value(found) for found in self.findings],
+            "findings": self.findings,
             "checks": [{"passed": good, "what": text} for good, text in self.checks],
         }
-        return {"schema": f"loopid {self.name} {VERSION}", **said, **self.record()}
+        known: dict[str, Any] = json_value(said | self.record())
+        return {"schema": f"loopid {self.name} {VERSION}", **known}
 
     def tables(self) -> list[Table]:
         """All tables of the page, those with pictures among them."""

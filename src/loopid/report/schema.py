@@ -193,7 +193,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{"subgroups": {str: _SEARCH}, "subgroup_rows": {str: int}},
         "symbolic": {
             "poses columns": int,
-            "difference symbolic_seconds pinocchio_seconds": float,
+            "difference": float,
             "transfers": [{"row": int, "label formula": str, "value": float}],
         },
         **{"fits": {str: {"values": [float], "standard_errors": [Real]}}, "influence": [float]},

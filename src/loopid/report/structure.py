@@ -594,7 +594,7 @@ def groups_table(search: dict[str, Any], title: str = "subgroups in turn") -> Ta
         ">": lambda pair: str(pair[0]),
         ">valid": lambda pair: f"{pair[1]['valid']:,}",
         ">deficient": lambda pair: f"{pair[1]['deficient']:,}",
-        ">least": lambda pair: number(pair[1]["least"], 5),
+        ">least": lambda pair: number(pair[1]["least"], 4),
         "removed": lambda pair: pair[1]["removed"] or "",
         ">share": lambda pair: f"{pair[1]['share']:.0%}" if pair[1]["removed"] else "",
         "added": lambda pair: pair[1]["added"] or "",
