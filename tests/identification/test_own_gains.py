@@ -104,6 +104,11 @@ def test_signs_alone_are_called_so(name, request):
     assert all("wrong sign" in one.title for one in said)
 
 
+def test_where_signs_alone_are_wrong_sizes_stay(evidence):
+    signs = [-1.0, 1.0, -1.0, -1.0]
+    np.testing.assert_array_equal(found(evidence(signs)).gains, signs)
+
+
 def test_right_gains_are_none(evidence):
     model = evidence(np.ones(4))
     assert (own := found(model)) is None or own.wrong < 2
