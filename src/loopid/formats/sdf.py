@@ -406,7 +406,9 @@ class _Sdf:
         """Forces that no model has."""
         for name, element, _ in self._all("link"):
             if xml.text_at(element, "gravity") in ("false", "0"):
-                yield LeftOut(f"<gravity>: {name} has no weight")
+                mass = float(_text(element, "inertial/mass", "1"))
+                weight = {name: (mass, *map(float, self._inertial_place(name).translation))}
+                yield LeftOut(f"<gravity>: {name} has no weight", weight)
             for tag in xml.inner_tags(element, ("velocity_decay", "fluid_added_mass")):
                 if any(
                     number(word) for part in tag.iter("*") for word in (part.text or "").split()
