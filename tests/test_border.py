@@ -22,8 +22,8 @@ REFUSED = {
     "a key": ("axxes: [[0, 0, 1], [0, 0, 1]]", 7, "closures.1", "did you mean 'axes'?"),
     "a number": ("axes: [[0, 0, 1], [0, 0, far]]", 7, "closures.1.axes.1.2", "a number, not 'far'"),
     "a list": ("axes: [up, [0, 0, 1]]", 7, "closures.1.axes.0", "must be a list, not 'up'"),
-    "true": ("length: true", 7, "closures.1.length", "must not be or hold true or false"),
-    "a kind": ("length: 1", 7, "closures.1", "unknown key of a hinge closure 'length'"),
+    "true": ("name: true", 7, "closures.1.name", "must not be or hold true or false"),
+    "a kind": ("length: 1", 7, "closures.1", "a hinge closure has no 'length': leave it out"),
     "several": ("axes: [[0, 0, a], [0, 0, b]]", 7, "closures.1.axes.0.2", "(and 1 more)"),
     "what is missing": ("axes: [[0, 0], [0, 0, 1]]", 7, "closures.1.axes.0.2", "is missing"),
 }
@@ -160,7 +160,7 @@ def test_advice_for_one_axis_is_two_that_are_taken():
 def test_what_a_closure_of_python_has_no_use_for_is_refused_as_its_argument():
     for more in ({"length": 1.0}, {"joint": "rail"}, {"axes": (0, 0, 1)}):
         (name,) = more
-        with pytest.raises(LoopidError, match=f"a 3d closure has no {name}: leave it out"):
+        with pytest.raises(LoopidError, match=f"a 3d closure has no '{name}': leave it out"):
             loopid.Closure("rod", "lever", "3d", **more)
     assert loopid.Closure("rod", "lever", "rod", length=1.0).length == 1.0
 

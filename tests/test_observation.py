@@ -100,8 +100,8 @@ def named(width):
     return ParameterSet.from_labels(f"link{j}.m" for j in range(width))
 
 
-def of_parts(parts, width, **units):
-    rows = StackedRows(named(width))
+def of_parts(parts, width, driven=None, **units):
+    rows = StackedRows(named(width), driven)
     for part in parts:
         rows.add(part)
     return rows.observation(**units)
@@ -158,6 +158,14 @@ def test_samples_of_several_rows_are_stacked():
     assert whole.rows == 24
     rows = W.reshape(-1, 5)
     np.testing.assert_allclose(whole.factor.T @ whole.factor, rows.T @ rows, atol=1e-12)
+
+
+def test_what_the_motors_alone_feel_are_the_first_rows_of_each_sample():
+    W = random_matrix(0, 40, 3, 5)
+    alone = of_parts([W[:7], W[7:]], 5, driven=2).motors_alone
+    rows = W[:, :2].reshape(-1, 5)
+    assert alone.rows == 80
+    np.testing.assert_allclose(alone.factor.T @ alone.factor, rows.T @ rows, atol=1e-12)
 
 
 def test_an_unclear_rank_is_decided_by_four_times_as_many_samples():

@@ -109,8 +109,12 @@ def _takes_truth(annotation: Any) -> bool:
 def unknown(what: str, given: Any, valid: Iterable[str]) -> PydanticCustomError:
     """What a validator raises of a word that is none of the valid ones."""
     known = (*valid,)
-    facts = {"said": unknown_word(what, given, known), "given": given, "valid": known}
-    return PydanticCustomError(UNKNOWN, "{said}", facts)
+    return wrong_word(unknown_word(what, given, known), given, known)
+
+
+def wrong_word(said: str, given: Any, valid: Iterable[str]) -> PydanticCustomError:
+    """As ``unknown``, in a sentence of its own."""
+    return PydanticCustomError(UNKNOWN, "{said}", {"said": said, "given": given, "valid": valid})
 
 
 def worded(detail: ErrorDetails, printed: Callable[[Any], str] = shown) -> str:

@@ -9,6 +9,7 @@ factorisation of blocks. Columns of zeros cost nothing.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
@@ -79,6 +80,8 @@ class Observation:
         Rows of the same samples that decide rank and null space in place of W's: forces along
         motions of one size, in common units, which grow near no singularity of the motors. None
         where W decides.
+    motors_alone : Observation or None
+        Without the rows "= 0" of coordinates that the motors leave free, where there are any.
 
     Examples
     --------
@@ -97,6 +100,7 @@ class Observation:
     order: tuple[str, ...] = ()
     draws: Draws | None = None
     unit_motions: Observation | None = None
+    motors_alone: Observation | None = None
 
     @classmethod
     def from_matrix(
@@ -114,15 +118,16 @@ class Observation:
 
 
 class StackedRows:
-    """Rows of an observation that come in parts.
+    """Rows of an observation that come in parts; the first ``driven`` of a sample are motors'.
 
     A joint's row has columns only of the bodies that move with it: in a tree, few of all. So each
     of the dof rows of a sample is reduced on its own, as long as there are more samples than
     columns. At the end all of them are reduced together.
     """
 
-    def __init__(self, parameters: ParameterSet) -> None:
-        self.parameters, self._rows = parameters, 0
+    def __init__(self, parameters: ParameterSet, driven: int | None = None) -> None:
+        self.parameters, self.driven = parameters, driven
+        self._rows, self._driven_rows = 0, 0
         self._factors, self._waiting = np.zeros((0, *2 * (len(parameters),))), list[FloatArray]()
 
     def add(self, part: FloatArray) -> None:
@@ -133,17 +138,18 @@ class StackedRows:
             if sum(map(len, self._waiting)) >= len(self.parameters):
                 self._factors, self._waiting = _reduced(self._factors, self._waiting), []
         self._rows += len(W) * W.shape[1]
+        self._driven_rows += len(W) * (self.driven or 0)
 
     def observation(self, *, length: float = 1.0, natural_size: float = 0.0) -> Observation:
         """What all the rows so far make."""
         if self._rows == 0:
             raise DataError("the observation matrix has no rows")
-        matrices = [self._factors, *self._waiting]
-        rows = np.concatenate([matrix.reshape(-1, matrix.shape[-1]) for matrix in matrices])
-        factor = frozen(triangular_factor(rows[rows.any(axis=1)]))
-        return Observation(
-            self.parameters, factor, self._rows, length=length, natural_size=natural_size
-        )
+        units: dict[str, Any] = {"length": length, "natural_size": natural_size}
+        factor, driven, alone = _stacked([self._factors, *self._waiting]), self.driven, None
+        if driven is not None:
+            own = _stacked([self._factors[:driven], *(W[:, :driven] for W in self._waiting)])
+            alone = Observation(self.parameters, own, self._driven_rows, **units)
+        return Observation(self.parameters, factor, self._rows, **units, motors_alone=alone)
 
 
 def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:
@@ -154,6 +160,12 @@ def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:
             factors = np.concatenate([factors, np.zeros((more, *factors.shape[1:]))])
         add_rows(factors[: W.shape[1]], W.swapaxes(0, 1))
     return factors
+
+
+def _stacked(matrices: list[FloatArray]) -> FloatArray:
+    """The triangular factor (n, n), read-only, of the rows of matrices (..., n)."""
+    rows = np.concatenate([matrix.reshape(-1, matrix.shape[-1]) for matrix in matrices])
+    return frozen(triangular_factor(rows[rows.any(axis=1)]))
 
 
 def _samples(matrix: FloatArray, width: int) -> FloatArray:

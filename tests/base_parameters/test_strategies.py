@@ -18,9 +18,10 @@ from loopid.base_parameters import (
     SubgroupSearch,
     find_base,
 )
+from loopid.base_parameters.base import find_base_and_motors_alone
 from loopid.base_parameters.choice import CRITERIA
 from loopid.errors import LoopidError, OptionError
-from loopid.observation import Observation
+from loopid.observation import Observation, StackedRows
 
 
 @pytest.fixture(scope="module")
@@ -128,3 +129,26 @@ def test_pivoted_qr_leaves_the_last_pivots_dependent():
     problem = ChoiceProblem(random_structure(9, 4))
     order = qr(problem.structure.row_factor, pivoting=True, mode="r")[1]
     assert PivotedQR().search(problem).dependent == tuple(sorted(order[5:].tolist()))
+
+
+def observed(W, driven):
+    rows = StackedRows(parameters(W.shape[-1]), driven)
+    rows.add(W)
+    return rows.observation()
+
+
+def test_what_the_motors_alone_feel_is_found_in_the_time_that_is_left():
+    rng = np.random.default_rng(0)
+    W = rng.normal(size=(40, 3, 5)) @ rng.normal(size=(5, 9))
+    observation = observed(W, driven=2)
+    options = SearchOptions(time_limit=50.0)
+    base, felt = find_base_and_motors_alone(observation, options=options)
+    assert base == find_base(observation, options=options)
+    alone = find_base(observation.motors_alone)
+    assert felt.dependent.tolist() == alone.dependent.tolist()
+    left = 50.0 - base.search.seconds
+    assert felt.search.options.time_limit == pytest.approx(left)
+    W[:, :2] = 0.0  # only rows of free coordinates have an effect
+    free = observed(W, driven=2)
+    assert find_base_and_motors_alone(free)[1] is None
+    assert find_base_and_motors_alone(Observation.from_matrix(W, parameters(9)))[1] is None

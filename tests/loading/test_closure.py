@@ -88,7 +88,7 @@ REFUSED = {
     "no length": (lambda: loopid.Closure("a", "b", "distance"), "needs 'length': of the rod, in m"),
     "a length": (
         lambda: loopid.Closure("a", "b", "3d", length=1.0),
-        "unknown key of a 3d closure 'length': choose among type, name, frames",
+        "a-b: a 3d closure has no 'length': leave it out, or choose a kind that has it among dist",
     ),
     "a coupling": (lambda: loopid.Closure("a", "b", "gear"), "give a Coupling"),
     "no joint": (lambda: loopid.loading.Coupling({}), "joints: must have at least 1"),

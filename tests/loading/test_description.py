@@ -193,7 +193,10 @@ CLOSURES = {
     "axis NaN": (tie("2d", ENDS, axes=[[0, 1, 0], [NAN, 1, 0]]), ("closures.0.axes.1.0", "NaN")),
     "axis in a plane": (tie("hinge", ENDS, axes=[[0, 1], [0, 1]]), ("closures.0.axes", "missing")),
     "one axis": (tie("hinge", ENDS, axes=[[0, 1, 0]]), ("closures.0.axes.1", "missing")),
-    "axes of a point": (tie("3d", ENDS, axes=[[0, 1, 0]] * 2), ("closures.0", "'axes'", "frames")),
+    "axes of a point": (
+        tie("3d", ENDS, axes=[[0, 1, 0]] * 2),
+        ("closures.0", "'axes'", "among hinge"),
+    ),
     "unlike axes": (tie("prismatic", ENDS, axes=[[0, 1, 0], [1, 0, 0]]), ("closures.0", "alike")),
     "length zero": (tie("distance", ENDS, length=0), ("closures.0.length", "not 0")),
     "length tiny": (tie("distance", ENDS, length=1e-200), ("closures.0.length", "1e-200")),
@@ -202,7 +205,10 @@ CLOSURES = {
     "length NaN": (tie("distance", ENDS, length=NAN), ("closures.0.length", "NaN")),
     "length text": (tie("distance", ENDS, length="long"), ("closures.0.length", "'long'")),
     "no length": (tie("distance", ENDS), ("closures.0", "'length'")),
-    "length of a hinge": (tie("hinge", ENDS, length=1), ("closures.0", "'length'", "axes")),
+    "length of a hinge": (
+        tie("hinge", ENDS, length=1),
+        ("closures.0", "'length'", "among distance"),
+    ),
     "far away": (tie("distance", ENDS, length=9), ("tip-slide", "stays open", "reference")),
     "one body": (tie("3d", ("tip", "palm")), ("tip-palm", "one body")),
     "one frame": (tie("6d", ("tip", "tip")), ("tip-tip", "one body")),

@@ -1,4 +1,4 @@
-"""Forces that robot files give beside rigid bodies: in joint terms, or named."""
+"""Forces that robot files give beside rigid bodies: in joint terms, or named with their size."""
 
 import warnings
 
@@ -11,7 +11,7 @@ from loopid import JointTerms, load_fit, random_configurations
 from loopid.errors import ModelWarning, OptionError, RobotFileError
 from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import motion_regressor
-from loopid.report.structure import file_forces
+from loopid.regressors.file_forces import file_forces
 
 BODY = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.1 0.1 0.1"/>'
 # Everything that MuJoCo knows of one joint, with actuators that act along one.
@@ -86,17 +86,28 @@ def test_bodies_and_terms_of_the_file_are_what_mujoco_feels(load, mujoco):
     forces = motion_regressor(robot, motion, joint_terms=terms) @ values
     np.testing.assert_allclose(forces, expected, atol=1e-12 * np.abs(expected).max())
     assert robot.actuated == ("j1", "j2")
-    named = {force["what"] for force in file_forces(robot) if not force["term"]}
+    named = {force.what for force in file_forces(robot) if not force.kind}
     assert {what.partition(":")[0] for what in named} == {
         *("actuator open", "actuator idle", "gears of actuators")
     }
 
 
-def test_what_no_model_has_is_named(load):
-    robot = load(
-        LOADED.replace("REST", "").replace('<body name="b"', '<body name="b" gravcomp="0.7"')
-    )
-    assert "gravity compensation of b" in {force["what"] for force in file_forces(robot)}
+def test_what_no_model_has_is_named_with_its_size(load, mujoco):
+    plain = LOADED.replace("REST", "")
+    compensated = plain.replace('<body name="b"', '<body name="b" gravcomp="0.7"')
+    for text in (compensated,):
+        robot = load(text)
+        (left,) = [
+            f
+            for f in file_forces(robot)
+            if not f.kind and "gears" not in f.what and "no motor" not in f.what
+        ]
+        q = random_configurations(robot, 60)
+        motion = closed_motion(robot, q, *random_motions(robot, 60))
+        extra = mujoco_forces(mujoco, text, motion) - mujoco_forces(mujoco, plain, motion)
+        rigid = motion_regressor(robot, motion) @ robot.standard_parameters()
+        sizes = np.sqrt((extra**2).mean(axis=0) / (rigid**2).mean(axis=0))
+        assert left.size == pytest.approx(sizes.max(), rel=1e-9)
 
 
 def test_forces_that_the_file_disables_are_none(load):
@@ -174,6 +185,12 @@ def test_what_a_urdf_says_beyond_is_named(load, rest, what):
     assert what in left.what
 
 
+def test_a_weightless_link_is_as_large_as_its_weight(load):
+    rest = '<gazebo reference="lower"><gravity>0</gravity></gazebo>'
+    (force,) = file_forces(load(ARM.replace("{}", "").replace("REST", rest), "robot.urdf"))
+    assert 0.1 < force.size < 1
+
+
 def test_the_yaml_has_the_last_word(load, tmp_path):
     (tmp_path / "robot.urdf").write_text(
         ARM.replace("{}", '<dynamics damping="2" friction="0.3"/>').replace("REST", "")
@@ -184,7 +201,7 @@ def test_the_yaml_has_the_last_word(load, tmp_path):
         "shoulder": {"Fc": 0.3, "Ia": 1.5},
         "elbow": {"Ks": 4.0},
     }
-    assert {force["what"] for force in file_forces(robot)} >= {"spring of elbow"}
+    assert {force.what for force in file_forces(robot)} >= {"spring of elbow"}
     for wrong, words in (
         ("joint_terms: {wrist: {Fv: 1}}", r"unknown joint 'wrist'.*shoulder, elbow"),
         ("joint_terms: {elbow: {Fv: .nan}}", r"joint_terms\.elbow\.Fv"),
@@ -226,7 +243,7 @@ def test_a_term_without_value_is_in_the_model_and_unknown(load, tmp_path):
         "shoulder.Fv",
     )
     np.testing.assert_array_equal(terms.values(robot), [np.nan] * 4 + [2.0])
-    assert [force["what"] for force in file_forces(robot)] == ["viscous friction of shoulder"]
+    assert [force.what for force in file_forces(robot)] == ["viscous friction of shoulder"]
     model = loopid.force_model(robot, "full", terms)
     known = model.joint_values
     assert set(labels) <= set(model.parameters.labels)

@@ -52,7 +52,10 @@ REPORTS = {
 
 def base(robot, model):
     observation = loopid.regressors.structural_observation(robot, model)
-    return base_report(robot, model, loopid.base_parameters.find_base(observation))
+    alone = observation.motors_alone
+    found = loopid.base_parameters.find_base(observation)
+    other = None if alone is None else loopid.base_parameters.find_base(alone)
+    return base_report(robot, model, found, other)
 
 
 def prediction(study):

@@ -120,22 +120,33 @@ def test_terms_rebuild_the_matrix(knee, base):
         assert list(row) == [parameter["terms"].get(label, 0.0) for label in labels]
 
 
-def test_coordinates_that_the_motors_leave_free_are_named(tmp_path, knee, base):
-    """The free spin of a rod in ball joints has a row "= 0", which counts."""
+def test_what_the_motors_alone_sense_stands_beside_all_that_has_an_effect(tmp_path):
+    """The free spin of a rod in ball joints has a row "= 0", which no motor feels."""
     for name, text in zip(("robot.urdf", "robot.yaml"), files(*rssr("SPHERICAL")), strict=True):
         (tmp_path / name).write_text(text)
     with pytest.warns(ModelWarning):
         robot = loopid.load(tmp_path / "robot.yaml")
-    (free,) = robot.free
-    record = base_record(robot, "full", find_base(structural_observation(robot, "full")))
+    assert len(robot.free) == 1
+    observed = structural_observation(robot, "full")
+    assert 2 * observed.motors_alone.rows == observed.rows
+    base, alone = map(find_base, (observed, observed.motors_alone))
+    assert len(alone) <= len(base)
+    record = base_record(robot, "full", base, alone)
     assert_strict(record)
-    assert record["undetermined"] == [free]
-    for each, counted in ((record, True), (base_record(knee, "gravity", base), False)):
-        titles, said = (map(str, column.cells) for column in base_tables(each)[-1].columns)
-        found = dict(zip(titles, said, strict=True))
-        assert ("left free by the motors" in found) == counted
-        assert not counted or free in found["left free by the motors"]
-    assert base_record(knee, "gravity", base)["undetermined"] == []
+    assert record["undetermined"] == list(robot.free)
+    assert record["motors_alone"]["rank"] == len(alone)
+    sums = [row["expression"] for row in record["motors_alone"]["base_parameters"]]
+    assert sums == list(alone.expressions)
+    titles = [str(table.title) for table in base_tables(record)]
+    assert "what the motors alone sense" in titles
+    findings = [str(cell) for cell in base_tables(record)[-1].columns[0].cells]
+    assert "sensed by the motors alone" in findings
+
+
+def test_without_free_coordinates_the_motors_feel_all(knee, base):
+    record = base_record(knee, "gravity", base)
+    assert structural_observation(knee).motors_alone is None
+    assert (record["undetermined"], record["motors_alone"]) == ([], None)
 
 
 def test_a_motion_is_recorded_with_its_nearest_limit():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
 
 import numpy as np
@@ -18,7 +18,12 @@ from loopid.base_parameters.choice import (
     SearchResult,
     SearchStrategy,
 )
-from loopid.base_parameters.rank import DoubtfulCombination, RankTolerances, warn_of_doubts
+from loopid.base_parameters.rank import (
+    DoubtfulCombination,
+    RankTolerances,
+    warn_of_doubts,
+    without_effect,
+)
 from loopid.base_parameters.structure import Structure, analyse, base_columns, regrouping_matrix
 from loopid.errors import DataError, OptionError
 from loopid.observation import Observation
@@ -36,6 +41,7 @@ SEARCHES: Registry[type[SearchStrategy]] = Registry(
 )
 LISTED = 3  # base parameters that a ``repr`` names
 KNOWN_DIGITS = 10  # of a coefficient: round-off is in those beyond
+LEAST_TIME = 0.01  # s, for a search after one that used all there was
 
 
 @record(checked="outside")
@@ -271,6 +277,29 @@ def base_of_choice(
         regrouping=regrouping_matrix(structure.null_basis, dependent, structure.zero),
         search=search,
     )
+
+
+@checked
+def find_base_and_motors_alone(
+    observation: Observation,
+    search: str | SearchStrategy = "exact",
+    *,
+    criterion: str = "nullspace",
+    options: SearchOptions | None = None,
+) -> tuple[BaseParameters, BaseParameters | None]:
+    """Find the base parameters, and those that the motors alone sense, within one time limit.
+
+    As ``find_base``; the second search has the time that the first one left. The first ones are of
+    all rows: forces of the motors, and "= 0" of coordinates that they leave free. The others are
+    None without free coordinates, or where the motors sense nothing.
+    """
+    find = partial(find_base, criterion=criterion)
+    base, alone = find(observation, search, options=options), observation.motors_alone
+    if alone is None or without_effect(alone):
+        return base, None
+    left = max(base.search.options.time_limit - base.search.seconds, LEAST_TIME)
+    rest = replace(base.search.options, time_limit=left)
+    return base, find(alone, search, options=rest)
 
 
 @checked

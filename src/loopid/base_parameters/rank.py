@@ -172,6 +172,13 @@ def warn_of_doubts(
     )
 
 
+def without_effect(observation: Observation) -> bool:
+    """Whether no parameter has an effect."""
+    tolerances = RankTolerances()
+    _, norms, largest = _common_units(observation, tolerances)
+    return bool((norms <= tolerances.zero * largest).all())
+
+
 def _common_units(
     observation: Observation, tolerances: RankTolerances
 ) -> tuple[FloatArray, FloatArray, float]:

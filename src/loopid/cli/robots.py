@@ -133,7 +133,7 @@ def base(
     ),
 ) -> None:
     """Find base parameters, and prove how to write them best."""
-    from loopid.base_parameters.base import find_base
+    from loopid.base_parameters.base import find_base_and_motors_alone
     from loopid.base_parameters.choice import SearchOptions
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
@@ -148,9 +148,9 @@ def base(
             robot, model, samples=samples, seed=seed, progress=report, joint_terms=joint_terms
         )
     options = None if time_limit is None else SearchOptions(time_limit=time_limit)
-    found = find_base(observation, strategy, criterion=criterion, options=options)
+    found = find_base_and_motors_alone(observation, strategy, criterion=criterion, options=options)
     command = command_with("excite", robot, "--out", "motion", model=model)
-    answer.show(base_report(robot, model, found), command)
+    answer.show(base_report(robot, model, *found), command)
 
 
 def subgroups_of(search: str, **options: Any) -> Any:

@@ -222,7 +222,9 @@ def joint_forces(
     left_out += _add_actuators(scene, lengths, terms)
     for body, part in enumerate(compiled.body_gravcomp):
         if part and compiled.body_mass[body]:
-            left_out.append(LeftOut(f"gravity compensation of {scene.bodies[body]}"))
+            link, mass = scene.bodies[body], float(part * compiled.body_mass[body])
+            weight = {link: (mass, *map(float, compiled.body_ipos[body]))}
+            left_out.append(LeftOut(f"gravity compensation of {link}", weight))
     if compiled.opt.density or compiled.opt.viscosity:
         left_out.append(LeftOut("the fluid around the robot"))
     kept = {name: {k: v for k, v in values.items() if v} for name, values in terms.items()}

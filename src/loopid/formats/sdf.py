@@ -268,23 +268,17 @@ class _Sdf:
         on_world = any(WORLD in joint.links for joint in self.joints)
         roots = [WORLD] * on_world + [name for name in self.links if name not in children]
         self.root_link = [*roots, *self.links][0]
-        reached, tree, left = {self.root_link}, list[_Joint](), self.joints
-        while True:
-            back = [joint._replace(links=joint.links[::-1], sense=-1.0) for joint in left]
-            ways = [
-                way
-                for way in (*left, *back)
-                if way.links[0] in reached and way.links[1] not in reached
-            ]
-            if not ways:
-                break
+        reached, tree = {self.root_link}, list[_Joint]()
+        back = [each._replace(links=each.links[::-1], sense=-1.0) for each in self.joints]
+        left = [*self.joints, *back]
+        while ways := [k for k in left if k.links[0] in reached and k.links[1] not in reached]:
             tree.append(ways[0])
             reached.add(ways[0].links[1])
-            left = [joint for joint in left if joint.name != ways[0].name]
+            left = [each for each in left if each.name != ways[0].name]
         lost = [name for name in self.links if name not in reached]
         if lost:
             raise RobotFileError(f"no joint leads from {self.root_link!r} to {shortened(lost)}")
-        return tree, left
+        return tree, [each for each in left if each.sense > 0]
 
     def _direction(self, joint: _Joint, axis: xml.Element) -> FloatArray:
         """An axis of a joint along the world's axes."""
@@ -412,7 +406,9 @@ class _Sdf:
         """Forces that no model has."""
         for name, element, _ in self._all("link"):
             if xml.text_at(element, "gravity") in ("false", "0"):
-                yield LeftOut(f"<gravity>: {name} has no weight")
+                mass = float(_text(element, "inertial/mass", "1"))
+                weight = {name: (mass, *map(float, self._inertial_place(name).translation))}
+                yield LeftOut(f"<gravity>: {name} has no weight", weight)
             for tag in xml.inner_tags(element, ("velocity_decay", "fluid_added_mass")):
                 if any(
                     number(word) for part in tag.iter("*") for word in (part.text or "").split()

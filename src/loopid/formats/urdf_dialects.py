@@ -161,14 +161,15 @@ def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
     """What ``<gazebo>`` tags say of closures, forces and plugins."""
     terms, left_out = dict[str, dict[str, float]](), list[LeftOut]()
     joints = {joint.name for joint in urdf.joints}
-    heavy = {link.name for link in urdf.links if link.inertial is not None}
+    heavy = {link.name: link.inertial for link in urdf.links if link.inertial is not None}
     for extension in urdf.root.findall("gazebo"):
         name = (extension.get("reference") or "").strip()
         if name in joints:
             terms[name] = terms.get(name, {}) | coefficients(extension)
         for tag, words in WEIGHTLESS.items() if name in heavy else ():
             if xml.said(extension, tag).lower() in words:
-                left_out.append(LeftOut(f"<{tag}>: {name} has no weight"))
+                weight = heavy[name].mass, *map(float, heavy[name].centre)
+                left_out.append(LeftOut(f"<{tag}>: {name} has no weight", {name: weight}))
         left_out += [
             LeftOut(f"<{xml.local_name(tag)}>") for tag in xml.inner_tags(extension, SLOWING)
         ]

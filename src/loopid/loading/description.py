@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
-from loopid.border import Section, unknown
+from loopid.border import Section, unknown, wrong_word
 from loopid.errors import RobotFileError
 from loopid.robot.closures import CLOSURE_KINDS, JointCoupling
 
@@ -84,6 +84,11 @@ def keys_of(kind: str, curved: bool = False) -> tuple[list[str], list[str]]:
     return needed + ["axes"] * bool(known.axes), needed
 
 
+OWN_KEYS = {
+    kind: {*keys_of(kind)[0], *keys_of(kind, curved=True)[0]} for kind in (*CLOSURE_KINDS, COUPLING)
+}
+
+
 class ClosureDescription(Section):
     """One closure: of two frames, or a coupling of joints, ``joints`` = polynomial of ``of``."""
 
@@ -123,6 +128,20 @@ class ClosureDescription(Section):
         rest = {name: value for name, value in content.items() if name != word}
         return rest | {"axes": [axis, axis] if single else axis}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_are_of_its_kind(cls, content: Any) -> Any:
+        kind = closure_kind(content.get("type")) if isinstance(content, dict) else None
+        if kind is None:
+            return content
+        if kind == COUPLING and {"polynomial", "offset"} <= content.keys():
+            raise ValueError("leave 'offset' out: it is the first coefficient of 'polynomial'")
+        for each in sorted(content.keys() & set().union(*OWN_KEYS.values()) - OWN_KEYS[kind]):
+            others = [name for name, keys in OWN_KEYS.items() if each in keys]
+            do = f"leave it out, or choose a kind that has it among {', '.join(others)}"
+            raise wrong_word(f"a {content['type']} closure has no {each!r}: {do}", each, others)
+        return content
+
     @property
     def label(self) -> str:
         """The name that it has in the file, else of its frames, or of the joint that follows."""
@@ -132,9 +151,7 @@ class ClosureDescription(Section):
     def _keys_fit(self) -> ClosureDescription:
         if (self.of is None) != (self.polynomial is None):
             raise ValueError("a coupling has 'of' and 'polynomial' together, or neither")
-        known, needed = keys_of(self.type, curved=self.of is not None)
-        for each in sorted(self.model_fields_set - {"type", "name", *known}):
-            raise unknown(f"key of a {self.type} closure", each, ("type", "name", *known))
+        _, needed = keys_of(self.type, curved=self.of is not None)
         for each in needed:
             if getattr(self, each) is None:
                 says = type(self).model_fields[each].description

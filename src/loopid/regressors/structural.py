@@ -62,7 +62,8 @@ def structural_observation(
     Returns
     -------
     Observation
-        The same to the bit with any number of BLAS threads.
+        The same to the bit with any number of BLAS threads. Where the motors leave coordinates
+        free, what the motors alone sense is its ``motors_alone``.
 
     Raises
     ------
@@ -102,6 +103,11 @@ class _Motions:
         return motion_parameters(self.robot, self.model, self.joint_terms)
 
     @property
+    def driven(self) -> int:
+        """Rows of motors; those of free coordinates follow."""
+        return len(self.robot.independent) - len(self.robot.free)
+
+    @property
     def gravity(self) -> float:
         """Its size, in m/s²."""
         return float(np.linalg.norm(self.robot.model.gravity.linear))
@@ -116,15 +122,18 @@ class _Motions:
     def enough(self) -> int:
         """Samples for four rows a column, two of them of motors."""
         columns, rows = len(self.parameters), len(self.robot.independent)
-        driven = max(rows - len(self.robot.free), 1)
-        return max(LEAST_SAMPLES, -(-ROWS_PER_COLUMN * columns // rows), 2 * columns // driven)
+        return max(
+            LEAST_SAMPLES, -(-ROWS_PER_COLUMN * columns // rows), 2 * columns // max(self.driven, 1)
+        )
 
     def observation(
         self, seeds: tuple[int, ...], samples: int, progress: Progress | None = None
     ) -> Observation:
         """What samples of each seed show."""
-        robot, done, kept, usual = self.robot, 0, list[_Batch](), 0.0
-        forces, along = StackedRows(self.parameters), StackedRows(self.parameters)
+        robot, driven, done = self.robot, self.driven, 0
+        part = driven if robot.free and driven else None
+        forces, along = (StackedRows(self.parameters, part) for _ in range(2))
+        kept, usual = list[_Batch](), 0.0
         with one_blas_thread():
             for seed in seeds:
                 for q, rates in self.draws(seed, samples):
@@ -146,8 +155,19 @@ class _Motions:
             length=robot.length, natural_size=self.gravity * min(1.0, robot.length)
         )
         units = along.observation(length=robot.length, natural_size=self.gravity * robot.length)
-        units = replace(units, draws=RandomDraws.of(self, seeds, samples, kept))
-        return replace(found, order=_order(robot), unit_motions=units)
+        drawn = self._completed(found, units, RandomDraws.of(self, seeds, samples, kept))
+        if found.motors_alone is None or units.motors_alone is None:
+            return drawn
+        draws = RandomDraws.of(self, seeds, samples, kept, driven)
+        alone = self._completed(found.motors_alone, units.motors_alone, draws)
+        return replace(drawn, motors_alone=alone)
+
+    def _completed(
+        self, forces: Observation, units: Observation, draws: RandomDraws
+    ) -> Observation:
+        """Forces with what decides their rank, and with how that can be drawn again."""
+        units = replace(units, draws=draws)
+        return replace(forces, order=_order(self.robot), unit_motions=units)
 
     def draws(self, seed: int, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Poses and rates, a few at a time; what friction does near standstill is to be seen."""
@@ -195,15 +215,22 @@ class RandomDraws(Draws):
     samples: int  # of each seed
     batches: tuple[_Batch, ...] = field(compare=False, repr=False)  # some of them
     geometry: Accuracy
+    first: int | None = None  # how many rows of each sample are seen, those of motors; None for all
 
     @classmethod
     def of(
-        cls, motions: _Motions, seeds: tuple[int, ...], samples: int, batches: Iterable[_Batch]
+        cls,
+        motions: _Motions,
+        seeds: tuple[int, ...],
+        samples: int,
+        batches: Iterable[_Batch],
+        first: int | None = None,
     ) -> RandomDraws:
         """Those of a robot whose accuracy its file states."""
         geometry = geometry_accuracy(motions.robot)
         known = max(geometry.length, geometry.angle * motions.robot.length)
-        return cls(known, geometry.source, motions, seeds, samples, tuple(batches), geometry)
+        drawn = motions, seeds, samples, tuple(batches)
+        return cls(known, geometry.source, *drawn, geometry, first)
 
     def rounded(self, count: int, within: float | None = None) -> FloatArray:
         """Triangular factors (1 + count, n, n) of the robot, and of others within its accuracy.
@@ -219,7 +246,7 @@ class RandomDraws(Draws):
             for q, rates, weights in self.batches:
                 there = q if other is own else closed_nearby(own, other, q)
                 rows, _, _ = self.motions.forces(other, there, rates)
-                stacked.add(weights[:, None, None] * rows)
+                stacked.add(weights[:, None, None] * rows[:, : self.first])
             found.append(stacked.observation().factor)
         return np.stack(found)
 
@@ -227,7 +254,10 @@ class RandomDraws(Draws):
         """The observation with the samples of other seeds, too."""
         first, *_ = self.seeds
         seeds = first, *(derived_seed(first, k) for k in range(1, MORE))
-        return self.motions.observation(seeds, self.samples)
+        found = self.motions.observation(seeds, self.samples)
+        if self.first is None or found.motors_alone is None:
+            return found
+        return found.motors_alone
 
 
 def _order(robot: Robot) -> tuple[str, ...]:

@@ -74,9 +74,8 @@ _NAMED = {"mechanism model": str}
 _GROUP = {"rows": [str], "tried": int, **of(TriedGroup, *GROUP), "removed added": Text}
 _SUBGROUPS = {**of(SubgroupAccount, *ACCOUNT), "found_in": int | None, "groups": [_GROUP]}
 _SEARCH = of(SearchResult, *SEARCH) | {"subgroups": (_SUBGROUPS, None)}
-_BASE = {
-    **_NAMED,
-    "standard_parameters nonzero_parameters": int,
+_CHOICE = {
+    "nonzero_parameters": int,
     "search": _SEARCH,
     **of(Structure, "rank", "rank_gap", "rank_bounds"),
     **of(BaseParameters, "condition_number", "nullspace_condition_number"),
@@ -84,7 +83,13 @@ _BASE = {
         {"expression source": str, "terms": {str: float}, "singular_value": float, "rounding": Real}
     ],
     "base_parameters": [{"name expression": str, "terms": {str: float}}],
+}
+_BASE = {
+    **_NAMED,
+    **_CHOICE,
+    "standard_parameters": int,
     "undetermined": [str],
+    "motors_alone": (_CHOICE, None),
 }
 _QUALITY = {"rms": [Real], "samples": [int]}
 _DIRECTION = {"combination": str, "effect": float, "standard_error": Real, "change": [float]}
@@ -109,7 +114,9 @@ FORMS: dict[str, dict[Any, Any]] = {
             {"mode parallel_pairs": int, "used meets_drawn_pose": bool, "rank": int | None}
             | {"distance": float, "reference": {str: object}}
         ],
-        "in_file_not_in_model": [{"what": str, "value": Real, "joint term unit included_by": Text}],
+        "in_file_not_in_model": [
+            {"what": str, "value relative_size": Real, "joint term unit included_by": Text}
+        ],
     },
     "base": _BASE,
     "motions": {

@@ -24,8 +24,8 @@ from loopid.loading.checks import inertia_defects, odd_masses, place_of_motors, 
 from loopid.numbers import number
 from loopid.plots.structure import robot_chart, search_chart
 from loopid.records import json_value
-from loopid.regressors.joint_laws import joint_term
-from loopid.regressors.joint_terms import OF_FILE, JointTerms
+from loopid.regressors.file_forces import file_forces
+from loopid.regressors.joint_terms import OF_FILE
 from loopid.report.look import facts, json_fields, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.robot.closures import JointCoupling
@@ -200,27 +200,18 @@ def check_record(robot: Robot) -> dict[str, Any]:
                 }
                 for k, (mode, rank) in enumerate(modes, start=1)
             ],
-            "in_file_not_in_model": list(file_forces(robot)),
+            "in_file_not_in_model": [
+                {
+                    **{"what": force.what, "value": force.value, "relative_size": force.size},
+                    **{"joint": force.joint or None, "term": force.kind or None},
+                    **{"unit": force.unit or None},
+                    "included_by": f'terms="{OF_FILE}"' if force.kind else None,
+                }
+                for force in file_forces(robot)
+            ],
         }
     )
     return record
-
-
-def file_forces(robot: Robot) -> Iterator[dict[str, Any]]:
-    """What the robot file gives beyond rigid bodies: joint terms, then what no model has."""
-    if (terms := JointTerms.of(robot, OF_FILE)) is not None:
-        for name, value in zip(terms.parameters(robot), terms.values(robot), strict=True):
-            kinds = terms.of_joints[name.link]
-            parted = any(name.kind in joint_term(kind).beside for kind in kinds)  # as of a spring
-            if not (np.isnan(value) or parted):
-                what = f"{joint_term(name.kind).name} of {name.link}"
-                yield {"what": what, "value": value, "joint": name.link, "term": name.kind} | {
-                    "unit": name.unit or None,
-                    "included_by": f'terms="{OF_FILE}"',
-                }
-    nothing = dict.fromkeys(("value", "joint", "term", "unit", "included_by"))
-    for left in robot.left_out:
-        yield {"what": left.what, **nothing}
 
 
 def _joint(robot: Robot, name: str) -> dict[str, Any]:
@@ -263,6 +254,7 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
     left_out = {
         "": "what",
         ">value": lambda f: "" if f["value"] is None else f"{f['value']:.4g} {f['unit']}",
+        ">of the rigid-body forces": "relative_size:.2g",
         "included by": lambda force: f"terms {OF_FILE}" if force["included_by"] else "nothing",
     }
     modes = {
@@ -332,7 +324,9 @@ def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
 
 
 @checked
-def base_report(robot: Robot, model: str, base: BaseParameters) -> Report:
+def base_report(
+    robot: Robot, model: str, base: BaseParameters, motors_alone: BaseParameters | None = None
+) -> Report:
     """Base parameters, and how sure they are.
 
     Parameters
@@ -341,6 +335,8 @@ def base_report(robot: Robot, model: str, base: BaseParameters) -> Report:
     model : str
         ``"gravity"`` or ``"full"``.
     base : BaseParameters
+    motors_alone : BaseParameters, optional
+        Of the motors alone, where coordinates are free.
 
     Returns
     -------
@@ -355,7 +351,7 @@ def base_report(robot: Robot, model: str, base: BaseParameters) -> Report:
     >>> report.title
     'five_bar, gravity model'
     """
-    found = base_record(robot, model, base)
+    found = base_record(robot, model, base, motors_alone)
     parameters, *others = base_tables(found)
     account = subgroup_facts(found["search"]) if found["search"]["subgroups"] else {}
     doubtful = f", {len(found['doubtful'])} more are doubtful" if found["doubtful"] else ""
@@ -397,17 +393,29 @@ def base_report(robot: Robot, model: str, base: BaseParameters) -> Report:
     )
 
 
-def base_record(robot: Robot, model: str, base: BaseParameters) -> dict[str, Any]:
+def base_record(
+    robot: Robot, model: str, base: BaseParameters, motors_alone: BaseParameters | None = None
+) -> dict[str, Any]:
     """Base parameters and their search, ready for JSON.
 
     ``condition_number`` is that of W_B at the sampled poses. The search's is its criterion's. No
-    choice has less than that over ``gap``, null where nothing was proven.
+    choice has less than that over ``gap``, null where nothing was proven. Where coordinates are
+    free, ``motors_alone`` is what has an effect without their rows "= 0".
     """
-    doubtful = "singular_value", "rounding", "source"
     return {
         "mechanism": robot.name,
         "model": model,
         "standard_parameters": len(base.parameters),
+        **_choice(base),
+        "undetermined": list(robot.free),
+        "motors_alone": None if motors_alone is None else _choice(motors_alone),
+    }
+
+
+def _choice(base: BaseParameters) -> dict[str, Any]:
+    """Rank, search and parameters."""
+    doubtful = "singular_value", "rounding", "source"
+    return {
         "nonzero_parameters": len(base.structure.columns),
         **json_fields(base.structure, "rank", "rank_gap", "rank_bounds"),
         "doubtful": [
@@ -421,13 +429,15 @@ def base_record(robot: Robot, model: str, base: BaseParameters) -> dict[str, Any
             {"name": name, "terms": dict(terms), "expression": expression(terms)}
             for name, terms in zip(base.combinations.names, base.terms, strict=True)
         ],
-        "undetermined": list(robot.free),
     }
 
 
 def base_tables(record: dict[str, Any]) -> list[Table]:
     """The record as tables: the parameters, then the findings."""
-    tables = [_parameters(f"base parameters, {record['model']} model", record)]
+    title = f"base parameters, {record['model']} model"
+    tables = [_parameters(title, record)]
+    if alone := record["motors_alone"]:
+        tables.append(_parameters("what the motors alone sense", alone))
     if record["doubtful"]:
         columns = {
             "": _few_terms,
@@ -441,8 +451,8 @@ def base_tables(record: dict[str, Any]) -> list[Table]:
     return [*tables, facts("findings", _findings(record))]
 
 
-def _parameters(title: str, record: dict[str, Any]) -> Table:
-    rows = enumerate((parameter["expression"] for parameter in record["base_parameters"]), 1)
+def _parameters(title: str, choice: dict[str, Any]) -> Table:
+    rows = enumerate((parameter["expression"] for parameter in choice["base_parameters"]), 1)
     return plain_table(title, (">", "base parameter"), rows)
 
 
@@ -482,7 +492,7 @@ def _conditions(record: dict[str, Any]) -> str:
 
 
 def _findings(record: dict[str, Any]) -> dict[str, str]:
-    search = record["search"]
+    search, alone = record["search"], record["motors_alone"]
     nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
     rows = {
         "parameters with an effect": (
@@ -498,7 +508,13 @@ def _findings(record: dict[str, Any]) -> dict[str, str]:
         "time": f"{1e3 * search['seconds']:.3g} ms",
     }
     if record["undetermined"]:
-        rows["left free by the motors"] = ", ".join(record["undetermined"]) + ", with rows '= 0'"
+        free = ", ".join(record["undetermined"])
+        rows["sensed by the motors alone"] = "no parameter: only rows '= 0' have an effect"
+        if alone:
+            rows["sensed by the motors alone"] = (
+                f"{alone['rank']} base parameters ({_gap(alone)}), without the rows '= 0' of "
+                f"{free}; {certificate(alone['search'])}"
+            )
     return rows
 
 

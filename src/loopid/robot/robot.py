@@ -117,6 +117,9 @@ class LeftOut:
     """What the robot file gives of forces and no model has."""
 
     what: str  # the force and where it acts, such as ``"gravity compensation of upper"``
+    # Link to mass and centre of mass in its frame, (4,), whose weight the force carries; empty
+    # where the size of the force is not known
+    weights: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     # False for what forces and positions are counted by, such as a gear
     is_force: bool = True
 
