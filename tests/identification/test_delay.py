@@ -142,9 +142,17 @@ def test_friction_that_grows_with_load_or_ripples_is_no_delay(load_once, kind, d
 
 
 @pytest.mark.parametrize("load", [0.0, 0.1])
-def test_one_motor_alone_with_friction_that_grows_with_load_has_no_early_forces(load_once, load):
-    """That is what the friction looks like where no other motor tells what the gear carries."""
-    robot = load_once("four_bar")
+def test_one_motor_alone_with_friction_that_grows_with_load_has_no_early_forces(
+    tmp_path, urdf_folder, load
+):
+    """That is what the friction looks like where no other motor tells what the gear carries.
+
+    A link that is called "load" is none.
+    """
+    for name in ("four_bar.urdf", "four_bar.yaml"):
+        text = (urdf_folder / name).read_text()
+        (tmp_path / name).write_text(text.replace('"coupler"', '"load"'))
+    robot = loopid.load(tmp_path / "four_bar.yaml")
     terms, (middle,) = JointTerms(robot.actuated, ("Fc", "Fv")), robot.reference[:1]
     points = middle + np.random.default_rng(3).uniform(-0.8, 0.8, 3)
     ways = [Waypoint([point], seconds=s) for point in (*points,) * 4 for s in (0.8, 0.3)]

@@ -77,6 +77,8 @@ def test_a_dictionary_has_matrices_as_npz_has(arrays, knee):
     again = Log.from_frame(columns, knee.actuated)
     for name in ("time", "position", "force"):
         np.testing.assert_allclose(getattr(again, name), getattr(log, name), atol=1e-12)
+    with pytest.raises(DataError, match="column 'q_0' twice"):
+        Log.from_frame(columns | {"q_0": log.time}, knee.actuated)
 
 
 class Foreign:

@@ -611,8 +611,8 @@ class _Forces:
         require_rows(samples.problem)
         beside = _beside_others(force_model, samples, recordings)
         # Of one coordinate, bodies may carry anything over position: no other tells the load.
-        loaded = any(each.link == "load" for each in beside.parameters)
-        self.any_load = loaded and beside.force.shape[1] == 1
+        added = beside.parameters.parameters[len(samples.parameters) :]
+        self.any_load = len(robot.independent) == 1 and any(p.link == "load" for p in added)
         combined = excited_combinations(beside, UNKNOWN)
         numbers = np.arange(len(combined)) * BLOCKS // len(combined)
         self.samples = replace(combined, runs=numbers)

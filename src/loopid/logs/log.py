@@ -570,13 +570,17 @@ def _columns_of(frame: Any) -> dict[str, Any]:
         )
     columns = dict[str, Any]()
     for key in keys:
-        several = isinstance(frame[key], np.ndarray) and frame[key].ndim == 2
-        columns |= columns_in(str(key), frame[key]) if several else {str(key): frame[key]}
+        own = frame[key]
+        several = isinstance(own, np.ndarray) and own.ndim == 2
+        for name, column in columns_in(str(key), own) if several else [(str(key), own)]:
+            if name in columns:
+                raise DataError(f"frame has column {name!r} twice, the second in {key}")
+            columns[name] = column
     index: Any = getattr(frame, "index", None)
     if hasattr(index, "name"):  # of pandas; numbers of rows have no name
         dates = getattr(getattr(index, "dtype", None), "kind", "") in "mM"
-        name = index.name or ("time" if dates else None)
-        columns |= {} if name is None or str(name) in columns else {str(name): index}
+        called = index.name or ("time" if dates else None)
+        columns |= {} if called is None or str(called) in columns else {str(called): index}
     return columns
 
 
