@@ -9,10 +9,10 @@ from pydantic import BeforeValidator
 
 from loopid.border import validated
 from loopid.errors import OptionError
-from loopid.loading.description import ClosureDescription, Description, keys_of
+from loopid.loading.description import ClosureDescription, Description, closure_kind, keys_of
 from loopid.loading.tree import Reference
 from loopid.records import record
-from loopid.robot.closures import Axis, JointCoupling, LoopClosure
+from loopid.robot.closures import CLOSURE_KINDS, Axis, JointCoupling, LoopClosure
 
 
 @record(checked=True)
@@ -63,6 +63,9 @@ class Closure:
                 "give a Coupling",
                 given=self.kind,
             )
+        if closure_kind(self.kind) is None:
+            ends = f" of {self.frame_a}-{self.frame_b}"
+            raise OptionError.unknown("kind of closure", self.kind, CLOSURE_KINDS, ends)
         _ = self.description  # or an OptionError
 
     @property

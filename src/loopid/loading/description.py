@@ -84,11 +84,6 @@ def keys_of(kind: str, curved: bool = False) -> tuple[list[str], list[str]]:
     return needed + ["axes"] * bool(known.axes), needed
 
 
-OWN_KEYS = {
-    kind: {*keys_of(kind)[0], *keys_of(kind, curved=True)[0]} for kind in (*CLOSURE_KINDS, COUPLING)
-}
-
-
 class ClosureDescription(Section):
     """One closure: of two frames, or a coupling of joints, ``joints`` = polynomial of ``of``."""
 
@@ -136,8 +131,12 @@ class ClosureDescription(Section):
             return content
         if kind == COUPLING and {"polynomial", "offset"} <= content.keys():
             raise ValueError("leave 'offset' out: it is the first coefficient of 'polynomial'")
-        for each in sorted(content.keys() & set().union(*OWN_KEYS.values()) - OWN_KEYS[kind]):
-            others = [name for name, keys in OWN_KEYS.items() if each in keys]
+        known = {
+            name: {*keys_of(name)[0], *keys_of(name, curved=True)[0]}
+            for name in (*CLOSURE_KINDS, COUPLING)
+        }
+        for each in sorted(content.keys() & set().union(*known.values()) - known[kind]):
+            others = [name for name, keys in known.items() if each in keys]
             do = f"leave it out, or choose a kind that has it among {', '.join(others)}"
             raise wrong_word(f"a {content['type']} closure has no {each!r}: {do}", each, others)
         return content
