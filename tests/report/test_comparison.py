@@ -54,6 +54,16 @@ def test_a_parameter_of_one_fit_alone_is_said_so(fits):
     assert report.verdict.endswith(" Not in all of them: 1 parameter.")
 
 
+def test_a_motor_without_samples_has_no_error(fits):
+    estimate = fits[1].content["estimate"]
+    quality = estimate["quality"]
+    quality = quality | {"residual_rms": [None, *quality["residual_rms"][1:]]}
+    silent = FitFile(fits[1].content | {"estimate": estimate | {"quality": quality}})
+    report = comparison_report({"a": fits[0], "b": silent})
+    assert report.data["runs"][1]["rms"][0] is None
+    assert '<td class="number">-, ' in report.page().html()
+
+
 def test_many_fits_are_in_tables_of_three(fits):
     report = comparison_report({f"run {k}": fits[k % 2] for k in range(7)})
     assert len(report.brief) == 4  # the first is of pairs

@@ -11,6 +11,7 @@ from loopid.diagnosis.agreement import Agreement, compare_fits
 from loopid.errors import DataError, OptionError, counted
 from loopid.identification.result import Fit
 from loopid.identification.saved import FitFile
+from loopid.numbers import number
 from loopid.plots.pictures import alone, comparison_chart
 from loopid.report.look import json_fields, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
@@ -19,7 +20,7 @@ NAMED = 3  # parameters that a cell names
 RUN = {
     **{"run": "name", "robot": "robot", "model": "model", "estimator": "estimator"},
     ">RMS errors of the motors' forces": lambda run: (
-        ", ".join(f"{x:.3g}" for x in run["rms"] or ()) or "-"
+        ", ".join(number(x, 3) for x in run["rms"] or ()) or "-"
     ),
 }
 
@@ -110,7 +111,7 @@ def _verdict(
 def _record(
     files: dict[str, FitFile], fits: dict[str, Fit], pairs: dict[tuple[str, str], Agreement]
 ) -> dict[str, Any]:
-    """Values and standard errors of each parameter, null where a fit has none; ready for JSON."""
+    """Values and standard errors of each parameter, None where a fit has none."""
     known = dict[str, dict[str, Any]]()
     for k, fit in enumerate(fits.values()):
         for each in fit.estimates:
