@@ -187,6 +187,10 @@ CLOSURES = {
     "coefficient zero": (coupled({"rail": 0, "elbow": 1}), ("closures.0.joints.rail", "is zero")),
     "coefficient NaN": (coupled({"rail": NAN}), ("closures.0.joints.rail", "NaN")),
     "offset": (coupled({"rail": 1}, offset=INF), ("closures.0.offset", "finite")),
+    "offset of a curve": (
+        coupled({"rail": 1}, of={"elbow": 1}, polynomial=[0.1, 1], offset=1),
+        ("closures.0", "'offset'", "first coefficient"),
+    ),
     "offset huge": (coupled({"rail": 1}, offset=1e200), ("closures.0.offset", "1e+200")),
     "coefficient tiny": (coupled({"rail": 1e-200}), ("closures.0", "rail", "1e-200")),
     "axis zero": (tie("hinge", ENDS, axes=[[0, 0, 0], [0, 1, 0]]), ("closures.0", "axis", "zero")),
