@@ -126,12 +126,12 @@ def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, Floa
         y, all_rows = force[part, k], np.ones(count)
 
         def at_lags(a: FloatArray, b: FloatArray) -> FloatArray:
-            """Sums of a (N,) at a time times b (N, ...) a lag before, (L, ...)."""
+            """Sums of a (N,) at a time times b (N,) or (N, n) a lag before, (L,) or (L, n)."""
             product = np.fft.rfft(a, length) * np.fft.rfft(b.T, length).conj()
             return np.roll(np.fft.irfft(product, length), most, axis=-1)[..., : len(lags)].T
 
         n, g = X.shape[1], at_lags(y, X)
-        H = at_lags(all_rows, X[:, :, None] * X[:, None])
+        H = np.stack([at_lags(all_rows, each[:, None] * X) for each in X.T], axis=1)
         squares, samples = at_lags(y**2, used), at_lags(all_rows, used)
         freedom = 1 - alike * n / np.maximum(samples, 1.0)
         independent += np.maximum(samples / alike - n, 0.0)
