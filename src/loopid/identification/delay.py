@@ -367,7 +367,9 @@ def in_time(
         at = Sampled.of(force_model, logged, choice.chosen, n_jobs=n_jobs)
     of_logs = _delays_of_logs(force_model, logged, at)
     if of_logs:
-        kept = tuple(tuple(_moved(robot, one, of_logs.get(one.name)) for one in x) for x in kept)
+        kept = tuple(
+            tuple(_moved(robot, one, of_logs.get(one.name)) for one in each) for each in kept
+        )
         choice, at = cutoff_and_samples(force_model, kept[0], n_jobs=n_jobs)
         logged = _logged(kept[0])
     delay = _delay_of(force_model, logged, None if choice is None else choice.chosen, at)
@@ -806,7 +808,8 @@ class _Search:
         """The delay of all motors, and of each."""
         count, joints = self.forces.count, self.forces.joints
         shift, settled, each, alone = self.delays
-        if self.forces.any_load and shift[0] < 0:  # so friction that grows with it looks
+        # Friction that grows with an unknown load looks like early forces.
+        if self.forces.any_load and shift[0] < 0:
             settled, alone = False, np.zeros_like(alone)
         errors, error = self.errors(each)
         errors[~alone] = np.inf
