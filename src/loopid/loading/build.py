@@ -19,11 +19,12 @@ from loopid.errors import (
     shown,
     warn,
 )
-from loopid.loading.checks import undeclared_loops, warn_of_findings
+from loopid.loading.checks import warn_of_findings
 from loopid.loading.description import Description, merged
 from loopid.loading.model_closures import find_closures, find_couplings, frame_named
 from loopid.loading.reference import close_reference, with_lengths
 from loopid.loading.tree import TreeSource, build_tree, written_reference
+from loopid.loading.undeclared import undeclared_loops
 from loopid.registry import words_of_files
 from loopid.robot.robot import RANK_TOLERANCE, Body, LinkGroup, Platform, Robot, link_frames
 

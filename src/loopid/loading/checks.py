@@ -1,28 +1,21 @@
-"""What is odd about a robot: what is left out or free, inertias, loops that are not declared."""
+"""What is odd about a robot: features left out, motors, singularities, inertias."""
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Iterable, Sequence
-from itertools import combinations
-
 import numpy as np
-import pinocchio as pin
 
-from loopid.arguments import BoolArray, FloatArray, checked, random_generator
+from loopid.arguments import FloatArray, checked
 from loopid.errors import AccuracyWarning, ModelWarning, warn
 from loopid.inertia import body_defect, pseudo_inertia
 from loopid.kinematics import mobility
-from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.poses import difference, frame_poses, integrate
-from loopid.kinematics.projection import Factorisation, null_space
+from loopid.kinematics.poses import difference
 from loopid.kinematics.rounding import rounding_that_closes
+from loopid.loading.free import why_free
 from loopid.loading.reference import why_singular
 from loopid.loading.tree import TreeSource
 from loopid.parameters import KINDS
 from loopid.records import record
-from loopid.robot.robot import Robot, UndeclaredLoops, link_frames, lock_options, shortened
+from loopid.robot.robot import Robot, shortened
 
 UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 STILL = 1e-3  # rad or characteristic lengths that no random walk leaves
@@ -180,202 +173,3 @@ def unequal_links(robot: Robot) -> tuple[str, ...]:
                 f"(tolerance {ALIKE:g})"
             )
     return tuple(found)
-
-
-# Why coordinates are free.
-
-SPRING = "Ks"
-# Part of the fastest coordinate, or body, of a motion that is none: files are rounded.
-STANDS = 1e-3
-ALONG = 0.02  # rad between the axis of a joint and the line of a spin: they are drawn so
-
-
-def why_free(robot: Robot, around: FloatArray) -> list[str]:
-    """What the motors leave free, a sentence a cause; ``around`` (n, nq) are configurations."""
-    floating = robot.coordinates_of(robot.floating)
-    free = [name for name in robot.free if name not in floating]
-    if not free:
-        return []
-    q, motions = _motions(robot, around, free)
-    causes, springs = dict[str, list[str]](), dict[str, None]()
-    for name, motion in zip(free, motions, strict=True):
-        stirred = np.abs(motion) > STANDS * np.abs(motion).max(initial=0.0)
-        moving = [robot.coordinates[k] for k in np.flatnonzero(stirred)]
-        sprung = [k for k in moving if robot.joint_values.get(k, {}).get(SPRING)]
-        cause = SPRUNG if sprung else SPUN if _is_spin(robot, q, motion) else UNKNOWN
-        causes.setdefault(cause, []).append(name)
-        springs |= dict.fromkeys(sprung if cause == SPRUNG else ())
-    file = robot.path is not None
-    facts = {
-        "closures": "'closures' of a YAML beside the file" if file else "closures=[Closure(...)]",
-        "springs": shortened([*springs]),
-        "lock": lock_options(robot, causes.get(SPUN, ())),
-    }
-    return [
-        f"the motors leave {shortened(names)} free{cause.format(**facts)}"
-        for cause, names in causes.items()
-    ]
-
-
-SPRUNG = ', but springs of {springs} hold what moves there: terms="file" has their forces'
-SPUN = (
-    ", the spin of a rod between its ends, which moves nothing else and is harmless: {lock} takes "
-    "its row '= 0' out"
-)
-UNKNOWN = (
-    ": no force acts there, and rows '= 0' say so; lock what does not move, and write what moves "
-    "with a loop into {closures}"
-)
-
-
-def _motions(
-    robot: Robot, around: FloatArray, free: Sequence[str]
-) -> tuple[FloatArray, FloatArray]:
-    """A regular configuration (nq,), and motions (k, nv) of a free coordinate each, in units."""
-    jacobians, tolerance = Constraint(robot, around).scaled()[1], robot.closure_rank_tolerance
-    regular = int(Factorisation.of(jacobians, tolerance).rank.argmax()) if robot.rows else 0
-    # The last of these, as the reference itself may be special.
-    motions = np.zeros((len(free), robot.model.nv))
-    for motion, name in zip(motions, free, strict=True):
-        others = robot.velocity_indices(k for k in robot.independent if k != name)
-        rest = np.setdiff1d(np.arange(robot.model.nv), others)
-        space = null_space(jacobians[regular][:, rest], tolerance)
-        own = space[list(rest).index(int(robot.velocity_indices([name])[0]))]
-        motion[rest] = space @ own
-    return around[regular], motions
-
-
-def _is_spin(robot: Robot, q: FloatArray, motion: FloatArray) -> bool:
-    """Whether all that a motion (nv,) moves turns as one about a line, with a hold at either end.
-
-    A rod that spins between two balls does, and a pin between two hinges. So do halves of a rod
-    that a closure welds. Nothing else hangs on it, and its centre of mass is on the line: otherwise
-    gravity turns it. Joints turn about that line only: locked, they hold nothing but the spin.
-    """
-    frames, model = link_frames(robot.model), robot.model
-    poses = frame_poses(robot, q[None], [frames[link] for link in robot.links])
-    rates = poses.joint_jacobian[0] * motion * robot.coordinate_scales
-    twists = (rates @ poses.supports.T).T / np.array([robot.length] * 3 + [1.0] * 3)
-    sizes = np.linalg.norm(twists, axis=1)
-    moved = sizes > STANDS * sizes.max(initial=0.0)
-    if not moved.any() or _holds(robot, motion, moved) != 2:
-        return False
-    linear, angular = twists[moved][0].reshape(2, 3)
-    turn = np.linalg.norm(angular)
-    alike = np.abs(twists[moved] - twists[moved][0]).max() <= STANDS * sizes.max()
-    about_a_line = turn > 0 and abs(linear @ angular) <= STANDS * sizes.max() * turn
-    axes = rates[3:, np.abs(motion) > STANDS * np.abs(motion).max()]
-    across = np.cross(axes, angular, axis=0, axisb=0, axisc=0)
-    along = np.abs(across).max() <= ALONG * turn * np.linalg.norm(axes, axis=0).max()
-    weight, moment = 0.0, np.zeros(3)
-    for k in np.flatnonzero(moved):
-        frame = model.frames[frames[robot.links[k]]]
-        inertia = model.inertias[frame.parentJoint]
-        lever = frame.placement.actInv(inertia.lever)
-        weight += inertia.mass
-        moment += inertia.mass * (poses.origin[0, k] + poses.rotation[0, k] @ lever)
-    # Speed of the centre of mass over that of the turn: its distance from the line.
-    centre = moment / (weight * robot.length) if weight > 0 else np.zeros(3)
-    swings = weight > 0 and np.linalg.norm(linear + np.cross(angular, centre)) > STANDS * turn
-    return bool(alike and about_a_line and along and not swings)
-
-
-def _holds(robot: Robot, motion: FloatArray, moved: BoolArray) -> int:
-    """How many joints and closures join the bodies that a motion (nv,) moves to others."""
-    joints = [body.joint_id for body in robot.bodies]
-    moving = dict(zip(joints, moved, strict=True)) | {0: False}
-    count = 0
-    for joint in joints:
-        carrier = robot.model.parents[joint]
-        while carrier not in moving:
-            carrier = robot.model.parents[carrier]
-        count += moving[carrier] != moving[joint]
-    _, supports = robot.closure_frames
-    held = (supports & (np.abs(motion) > STANDS * np.abs(motion).max())).any(axis=1)
-    return int(count + (held[::2] != held[1::2]).sum())
-
-
-# Loops that a robot file shows but does not declare.
-
-# Last words of two names that are alike but for them.
-ENDINGS = [{"a", "b"}, {"1", "2"}, {"0", "1"}, {"parent", "child"}, {"predecessor", "successor"},
-           {"start", "end"}, {"in", "out"}, {"male", "female"}]  # fmt: skip
-SAYS_SO = re.compile("loop|clos", re.IGNORECASE)  # names of where a loop was cut
-LAST_WORD = re.compile(r"(\d+|[a-zA-Z]+)$")
-MEET = 1e-4  # characteristic lengths between frames that are drawn in one place
-POSES = 4  # random ones, in which frames that a hinge holds together still meet
-FAR = 0.5  # rad, or characteristic lengths, that joints move to these
-
-
-def undeclared_loops(
-    robot: Robot, around: FloatArray, tree: TreeSource
-) -> tuple[UndeclaredLoops, ...]:
-    """Signs of loops, each with what to write where it is one.
-
-    ``around`` (n, nq) are closed configurations around the reference. Signs are frames without mass
-    on two branches that are named alike or meet in the reference pose. Others are links named alike
-    that meet there, and joints named alike as ends of a loop. What the reader of the file has seen
-    counts, too.
-    """
-    signs = [] if robot.rows else [UndeclaredLoops(sign) for sign in tree.signs]
-    if pairs := _pairs(robot, around, tree):
-        if robot.path is None:
-            advice = f"closures=[{', '.join(f'Closure{pair}' for pair in pairs)}]"
-        else:
-            closures = ", ".join(f"{{type: 3d, frames: {json.dumps(pair)}}}" for pair in pairs)
-            advice = f"a YAML beside the file says it: closures: [{closures}]"
-        (first, how), *more = pairs.items()
-        others = f", as {len(more)} more pairs" if more else ""
-        said = f"frames {first[0]} and {first[1]} {how}{others}, as where a loop closes: if so, "
-        signs.append(UndeclaredLoops(said + advice, tuple(pairs)))
-    return tuple(signs)
-
-
-def _pairs(robot: Robot, around: FloatArray, tree: TreeSource) -> dict[tuple[str, str], str]:
-    """Pairs of links that may close a loop, and what shows it."""
-    model = robot.model
-    used = {name for closure in robot.closures for name in (closure.frame_a, closure.frame_b)}
-    carriers = {frame.parentFrame for frame in model.frames}
-    links: dict[str, tuple[int, bool]] = {}  # index, and whether it may be an end of a loop
-    for k, frame in enumerate(model.frames):
-        link, says_so = frame.type == pin.FrameType.BODY, bool(SAYS_SO.search(frame.name))
-        bare = link and k not in carriers and frame.name not in tree.inertial_links
-        if frame.name not in used and (link or (says_so and frame.name not in links)):
-            links[frame.name] = k, bare or says_so
-    bodies = {name: model.frames[k].parentJoint for name, (k, _) in links.items()}
-    poses, nv = around, model.nv
-    if not robot.rows:
-        steps = random_generator(0).uniform(-FAR, FAR, (POSES, nv)) * robot.coordinate_scales
-        poses = integrate(robot, np.repeat(robot.reference[None], POSES, axis=0), steps)
-    meeting = _meeting(robot, poses, [k for k, _ in links.values()])
-    found = {}
-    for (one, first), (other, second) in combinations(enumerate(links), 2):
-        ends = links[first][1] and links[second][1]  # frames that carry nothing
-        meet, alike = meeting[one, other], _named_alike(first, second, links)
-        if bodies[first] != bodies[second] and ((ends and (meet or alike)) or (meet and alike)):
-            how = "meet in the reference pose" if meet else "are named alike"
-            found[first, second] = how
-    return found
-
-
-def _named_alike(first: str, second: str, names: Iterable[str]) -> bool:
-    """Whether two names differ in their last word alone, and no third one does."""
-    stem, end = _split(first)
-    alike = [name for name in names if _split(name)[0] == stem]
-    both = sorted(alike) == sorted((first, second))
-    return bool(stem) and both and {end, _split(second)[1]} in ENDINGS
-
-
-def _split(name: str) -> tuple[str, str]:
-    """A name without its last word, and that word in lower case."""
-    found = LAST_WORD.search(name)
-    return (name[: found.start()], found[0].lower()) if found else (name, "")
-
-
-def _meeting(robot: Robot, poses: FloatArray, frames: list[int]) -> BoolArray:
-    """Which frames (F, F) are in one place at the reference, and not in all poses (n, nq)."""
-    q = np.concatenate([robot.reference[None], poses])
-    origins = frame_poses(robot, q, frames, jacobians=False).origin
-    apart = np.linalg.norm(origins[:, :, None] - origins[:, None], axis=3)
-    near = apart <= MEET * robot.length
-    return np.asarray(near[0] & ~near[1:].all(axis=0))
