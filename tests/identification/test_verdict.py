@@ -330,7 +330,7 @@ def test_findings_are_two_lines_at_most_the_most_important_first(identified, wro
         assert len(f"{each.severity}: {each.brief}") <= 2 * 80
 
 
-@pytest.mark.parametrize("steps", [1, 20])
+@pytest.mark.parametrize("steps", few_of([1, 20], 1))
 def test_a_force_in_coarse_steps_is_named_and_no_cause_in_the_robot(robot, steps):
     """Nine of ten samples below a step are 0; of 20 steps none says so."""
     log = loopid.read_log("urdf/logs/five_bar.csv", robot)

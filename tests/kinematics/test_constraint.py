@@ -291,8 +291,8 @@ def test_pinocchios_own_closures_allow_the_same_motions(kind, fixed, seed):
 
 
 def test_an_unknown_kind_of_closure_is_refused_with_the_valid_ones(knee):
-    with pytest.raises(OptionError, match=r"unknown kind of closure 'slot'.*3d, 6d, hinge"):
-        replace(knee.closures[0], kind="slot")
+    with pytest.raises(OptionError, match=r"unknown kind of closure 'screw'.*3d, 6d, hinge"):
+        replace(knee.closures[0], kind="screw")
 
 
 def test_a_new_kind_of_closure_is_one_entry():
