@@ -13,14 +13,8 @@ from bank_robots import few_of
 from loopid import JointTerms
 from loopid.identification import Delay, missing
 from loopid.identification.fitting import working_fit
-from loopid.identification.missing import (
-    Place,
-    _Search,
-    _slow,
-    _Test,
-    length_forces,
-    missing_forces,
-)
+from loopid.identification.lengths import Place, length_forces
+from loopid.identification.missing import _Search, _slow, _Test, missing_forces
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
 from loopid.logs import Recording
