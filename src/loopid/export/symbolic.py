@@ -339,7 +339,10 @@ class Elimination(NamedTuple):
         return self._replace(**new)
 
     def solve(self, B: Any) -> Any:
-        """The least-squares solution X (n, c) for right-hand sides B (rows, c)."""
+        """The least-squares solution X (n, c) for right-hand sides B (rows, c).
+
+        CasADi's ``qr_solve`` takes square A alone.
+        """
         n = len(self.columns)
         Q_B, X = ca.SX(self.mirrors.shape[0], B.shape[1]), ca.SX(n, B.shape[1])
         Q_B[self.rows[: B.shape[0]], :] = B
